@@ -103,7 +103,7 @@ def estimates(case: Case, seed: int) -> list[tuple[float, Estimate | None]]:
     """The truth and the estimate of each place, and of the requirement."""
     spec = check_text(case.text)
     if case.growth:
-        found = rarity.measure_vast(spec, spec.labels, seed, up_only=True)
+        found = rarity.measure_by_growth(spec, spec.labels, seed, up_only=True)
     else:
         split = measure(spec.core, *spec.box(), spec.labels, seed)
         assert not isinstance(split, RequirementUnmet)
@@ -118,7 +118,7 @@ def main() -> None:
     parser.add_argument("--only", default="")
     parser.add_argument("--effort", type=float, default=1e8)
     options = parser.parse_args()
-    rarity.EFFORT = options.effort
+    rarity.TAIL_EFFORT = options.effort
     print(
         "| problem | log10 P | held | +- | low | high | off by | sd | bar / 2 |\n|---|---|---|---|---|---|---|---|---|"
     )

@@ -37,7 +37,7 @@ from scenegen.geometry.clearance import gap, room
 from scenegen.geometry.footprint import Box, Footprint
 from scenegen.lang.formula.core import gated
 from scenegen.lang.formula.interpret import phi
-from scenegen.sampling.growth.failure import area
+from scenegen.sampling.growth.packing import area
 
 Array = npt.NDArray[np.float64]
 Draw = Callable[[int, Array, np.random.Generator, int], Array]

@@ -35,9 +35,9 @@ from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rejection.sampler import make_plan, work_of
 from scenegen.sampling.rejection.trial import make_trial
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
+from scenegen.sampling.splitting.chain_state import ChainTape, chain_state_of
 from scenegen.sampling.splitting.chains import Chains
-from scenegen.sampling.splitting.sampler import CHAINS, generator
+from scenegen.sampling.splitting.sampler import MAX_CHAINS, generator
 from scenegen.sampling.splitting.tuning import Tuner
 from scenegen.search.effort import MOVE_WORK, Budget, work_per_scene
 
@@ -52,7 +52,9 @@ def measures(text: str) -> Iterator[tuple[str, float, list[float]]]:
     spec = check_text(text)
     problem = make_problem(spec, SampleRequest({label: Range(0.0) for label in spec.labels}, n=1000))
     each, _ = work_per_scene(problem.core.nodes)
-    state = Chains.start(frame_of(problem), ChainTape(frame_of(problem)), problem.cells, CHAINS, generator(0, -1))
+    state = Chains.start(
+        chain_state_of(problem), ChainTape(chain_state_of(problem)), problem.cells, MAX_CHAINS, generator(0, -1)
+    )
     begun, before = time.process_time(), state.evaluations
     with np.errstate(all="ignore"):
         while time.process_time() - begun < LEAST:
@@ -61,7 +63,7 @@ def measures(text: str) -> Iterator[tuple[str, float, list[float]]]:
     begun = time.process_time()
     grown = plan_growth(problem, Budget(math.inf), patient=False)
     if isinstance(grown, Growth):
-        taken, machine = time.process_time() - begun, grown.machine
+        taken, machine = time.process_time() - begun, grown.model
         yield "grow", taken / machine.work, [machine.steps_done / machine.work, each]
     begun = time.process_time()
     try:

@@ -75,18 +75,19 @@ def growth(folder: Path) -> None:
     from matplotlib.figure import Figure
 
     from scenegen.sampling.growth.insertion import place
-    from scenegen.sampling.growth.machine import Particles, make_machine, resample
+    from scenegen.sampling.growth.model import Particles, make_growth_model
     from scenegen.sampling.problem import make_problem
     from scenegen.sampling.request import Range, SampleRequest
+    from scenegen.sampling.resampling import resample_groups
 
     spec = scenegen.parse(DINNER).checked
-    machine = make_machine(make_problem(spec, SampleRequest({"task": Range(0.0)}, n=1)))
+    model = make_growth_model(make_problem(spec, SampleRequest({"task": Range(0.0)}, n=1)))
     rng = np.random.default_rng(2)
     cell = np.zeros(256, dtype=np.intp)
-    particles = Particles.start(machine, cell, cell, rng)
+    particles = Particles.start(model, cell, cell, rng)
     figure = Figure(figsize=(8.8, 2.35), dpi=100, layout="tight")
-    for stage, thing in enumerate(machine.order):
-        boxes = machine.room(thing, stage).boxes(particles.scenes, particles.cell, machine.effort)
+    for stage, thing in enumerate(model.order):
+        boxes = model.room(thing, stage).boxes(particles.scenes, particles.cell, model.effort)
         placed = place(particles, 64)
         scene = int((placed.weights > 0.0).argmax())
         low, width = boxes.low[:2, :, scene], boxes.width[:2, :, scene]
@@ -97,7 +98,7 @@ def growth(folder: Path) -> None:
             axes.set_title(f"{stage} placed, then {spec.objects[thing]}", fontsize=8)
             for corner, size in zip(low.T[open_], width.T[open_], strict=True):
                 axes.add_patch(patches.Rectangle(tuple(corner), *size, color="#f2cf88", zorder=0))
-            for one in machine.order[: stage + 1]:
+            for one in model.order[: stage + 1]:
                 x, y, theta = particles.scenes[3 * one : 3 * one + 3, scene]
                 colour = "#c0392b" if one == thing else "#4a6b8a"
                 length, across = spec.shapes[one].footprint.extent
@@ -107,7 +108,7 @@ def growth(folder: Path) -> None:
                     corner = (x - length / 2, y - across / 2)
                     turned = {"angle": float(np.degrees(theta)), "rotation_point": "center"}
                     axes.add_patch(patches.Rectangle(corner, length, across, fill=False, color=colour, **turned))
-        particles.take(resample(placed.weights, particles.group, rng)[0])
+        particles.take(resample_groups(placed.weights, particles.group, rng)[0])
     figure.savefig(folder / "growth.png")
     small("growth.png", Image.open(folder / "growth.png"))
 

@@ -212,8 +212,8 @@ def _too_full(spec: CheckedSpec, label: str, effort: Effort) -> UnsatisfiedLabel
     it would take long to find. Raises what `effort` raises."""
     if len(spec.core.nodes) > MAX_AREA_NODES:
         return None
-    from scenegen.sampling.growth.failure import too_full
     from scenegen.sampling.growth.graph import make_graph
+    from scenegen.sampling.growth.packing import packing_proof
     from scenegen.sampling.problem import make_problem
     from scenegen.sampling.request import Range, SampleRequest
 
@@ -221,7 +221,7 @@ def _too_full(spec: CheckedSpec, label: str, effort: Effort) -> UnsatisfiedLabel
         with np.errstate(all="ignore"):
             request = SampleRequest({} if label == REQUIRE else {label: Range(0.0)})
             problem = make_problem(spec, request, effort=effort)
-            proof = too_full(make_graph(problem, effort=effort), spec)
+            proof = packing_proof(make_graph(problem, effort=effort), spec)
     except RequestError:
         effort.check()
         return None  # there is no such scene for another reason, which the search for clashes names

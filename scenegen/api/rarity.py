@@ -204,20 +204,20 @@ def _measure(
 ) -> Rarity:
     """By splitting, or by growth where splitting does not serve. Raises RequestError where no scene is found that meets
     the requirement."""
-    from scenegen.sampling.growth.rarity import measure_vast
+    from scenegen.sampling.growth.rarity import measure_by_growth
 
     checked = spec.checked
     lowest, highest = checked.box()
     if needs_growth(checked, labels):
         try:
-            return measure_vast(checked, labels, seed, deadline=budget.ends)
+            return measure_by_growth(checked, labels, seed, deadline=budget.ends)
         except RequestError as error:
             raise _clash(spec, budget) or error from None
     found = measure(checked.core, lowest, highest, labels, seed, work=work, stop=_Until(budget))
     excess = checked.workspace.log_excess(lowest, highest, len(checked.objects))
     if isinstance(found, RequirementUnmet):
         try:
-            return measure_vast(checked, labels, seed, deadline=budget.ends)
+            return measure_by_growth(checked, labels, seed, deadline=budget.ends)
         except RequestError:
             raise _clash(spec, budget) or _out_of_reach(found) from None
     if found.requirement is not None and excess:
@@ -228,7 +228,7 @@ def _measure(
     if not untold:
         return found
     try:
-        grown = measure_vast(checked, untold, seed, up_only=True, deadline=budget.ends)
+        grown = measure_by_growth(checked, untold, seed, up_only=True, deadline=budget.ends)
     except StoppedError:
         return found
     told = {name: reach.up for name, reach in grown.reaches.items() if reach.up(0.0) is not None}

@@ -196,7 +196,7 @@ def glimpse(
     """At most n scenes in the wanted ranges, the arguments as `scenegen.sample` takes them; none where nothing is found
     soon. They are in range, but not distributed in any particular way, and not those that `sample` returns. Raises
     RequestError for a request that is wrong or proved to be impossible."""
-    from scenegen.sampling.growth.sampler import ROUNDS
+    from scenegen.sampling.growth.sampler import GLIMPSE_ROUNDS
     from scenegen.sampling.growth.sampler import glimpse as grown
     from scenegen.sampling.problem import make_problem
     from scenegen.search.effort import Budget
@@ -204,6 +204,6 @@ def glimpse(
     wanted = {} if fix is None else fix
     request = SampleRequest(read_phi(spec, phi), n, seed=seed, method="growth", fix=wanted, timeout=timeout)
     budget = Budget(timeout)
-    problem = make_problem(spec.checked, check_request(spec, request), budget, rounds=ROUNDS, most=n)
+    problem = make_problem(spec.checked, check_request(spec, request), budget, rounds=GLIMPSE_ROUNDS, most=n)
     rows = grown(problem, budget, n)
     return scenes_of(problem, {"method": "glimpse", "seed": seed}, rows, problem.phi(rows))

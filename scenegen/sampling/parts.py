@@ -19,7 +19,7 @@ from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.lang.formula.core import REQUIRE, Core, Junction, Node, part_of
 from scenegen.pose import BELOW_TURN, THETA, along, rows_of, span_of
-from scenegen.sampling.growth.graph import components, make_graph, touched
+from scenegen.sampling.growth.graph import components, make_graph, objects_by_node
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Problem, narrow_problem
 from scenegen.sampling.rejection.sampler import SPARE_SCENES, Rejection
@@ -56,7 +56,7 @@ def independent_parts(problem: Problem, budget: Budget) -> tuple[SubProblem, ...
 
 
 def _parts(problem: Problem, effort: Effort) -> tuple[SubProblem, ...]:
-    touches = touched(problem, effort)
+    touches = objects_by_node(problem, effort)
     labels = _demands(problem, touches)
     names = tuple(problem.core.labels)
     # a cell spans all labels with bounded ranges: their objects stay together

@@ -28,10 +28,10 @@ from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.sampling.cells import Cells
 from scenegen.sampling.report import Estimate, ratio
-from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, make_frame
+from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, make_chain_state
 from scenegen.sampling.splitting.chains import Chains
 from scenegen.sampling.splitting.levels import ChainPopulation, Region
-from scenegen.sampling.splitting.tuning import Tuner, longest
+from scenegen.sampling.splitting.tuning import Tuner, max_moves
 from scenegen.sampling.streams import RARITY_STREAM
 from scenegen.search.effort import NEVER, Stop, StoppedError
 
@@ -170,7 +170,7 @@ def climb(
 
 def margins(state: ChainPopulation, sign: int, row: int = 0) -> Array:
     """sign * phi of a row, (P,); NaN counts as the lowest."""
-    phi = sign * state.phi[row]
+    phi = sign * state.scores[row]
     return np.where(np.isnan(phi), -np.inf, phi)
 
 
@@ -192,7 +192,7 @@ def restrict(state: ChainPopulation, level: float, sign: int, row: int = 0) -> A
     low, high = state.region.low.copy(), state.region.high.copy()
     (low if sign > 0 else high)[row] = sign * level
     region = Region(low, high)
-    alive: Array = region.holds(state.phi).reshape(TAIL_ISLANDS, -1).mean(axis=1)
+    alive: Array = region.holds(state.scores).reshape(TAIL_ISLANDS, -1).mean(axis=1)
     state.narrow(region, TAIL_ISLANDS)
     return alive
 
@@ -237,19 +237,19 @@ def measure(
     reaches: dict[str, PhiDistribution] = {}
     for index, label in enumerate(labels):
         alone = part_of(core, (label,))
-        if not make_frame(alone, lowest, highest).dimension:
+        if not make_chain_state(alone, lowest, highest).dimension:
             reaches[label] = constant_phi(float(evaluate(alone, list(lowest), NUMPY)[label]))
             continue
         one = part_of(core, (label, *gate))
         rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, RARITY_STREAM, 1 + index])))
         try:
-            start, weights = _begin(make_frame(one, lowest, highest), base, count, rng, stop)
+            start, weights = _begin(make_chain_state(one, lowest, highest), base, count, rng, stop)
         except StoppedError:
             if not reaches:
                 raise
             break
         most = work // (2 * len(labels) * cost(one))
-        up, down = (_climb(start.some(start.count), weights, sign, most, stop) for sign in (1, -1))
+        up, down = (_climb(start.pick_chains(start.count), weights, sign, most, stop) for sign in (1, -1))
         reaches[label] = PhiDistribution(up[0], down[0], up[1] + down[1])
         spent += up[1] + down[1]
     return Rarity(reaches, required, spent)
@@ -264,8 +264,8 @@ def needs_growth(spec: CheckedSpec, labels: Sequence[str]) -> bool:
     gate = (REQUIRE,) if REQUIRE in core.labels else ()
     for label in labels:
         one = part_of(core, (label, *gate))
-        dimension = make_frame(one, lowest, highest).dimension
-        moves = MOVES_PER_LEVEL * longest(max(1, dimension)) * MIN_LEVELS
+        dimension = make_chain_state(one, lowest, highest).dimension
+        moves = MOVES_PER_LEVEL * max_moves(max(1, dimension)) * MIN_LEVELS
         if (
             dimension > MAX_CHAIN_ROWS
             or MIN_AFFORDED_CHAINS * 2 * len(labels) * cost(one) * moves > COUNTED_EFFORT * RARITY_VISITS
@@ -285,7 +285,7 @@ def _chains(cores: Sequence[Core], lowest: Array, highest: Array, effort: int) -
     """How many chains the effort allows for these cores, a multiple of the islands."""
     fewest = MAX_TAIL_CHAINS
     for core in cores:
-        moves = MOVES_PER_LEVEL * longest(max(1, make_frame(core, lowest, highest).dimension)) * MIN_LEVELS
+        moves = MOVES_PER_LEVEL * max_moves(max(1, make_chain_state(core, lowest, highest).dimension)) * MIN_LEVELS
         fewest = min(fewest, int(COUNTED_EFFORT * effort) // (2 * len(cores) * cost(core) * moves))
     return max(fewest, MIN_TAIL_CHAINS) // TAIL_ISLANDS * TAIL_ISLANDS
 
@@ -303,7 +303,7 @@ def _require(
     core: Core, lowest: Array, highest: Array, count: int, seed: int, effort: int, stop: Stop
 ) -> tuple[_Base, float]:
     """Chains at the base distribution conditioned on the requirement; weights 0 if it could not be satisfied."""
-    chain_state = make_frame(core, lowest, highest)
+    chain_state = make_chain_state(core, lowest, highest)
     if not chain_state.dimension:
         least = float(evaluate(core, list(lowest), NUMPY)[REQUIRE])
         return _Base({}, np.full(TAIL_ISLANDS, float(least >= 0.0)), 1), least
@@ -337,7 +337,7 @@ def _begin(
         return state, np.ones(TAIL_ISLANDS)
     state.rows = [base.rows.get(row, fresh) for row, fresh in zip(chain_state.rows, state.rows, strict=True)]
     state.pool = list(state.rows)
-    state.phi = state.tape(state.rows)
+    state.scores = state.tape(state.rows)
     state.region = Region(np.array([-np.inf, 0.0]), np.full(2, np.inf))
     return state, base.weights
 

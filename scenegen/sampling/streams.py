@@ -15,6 +15,7 @@ BLOCK_ORDER_STREAM = 4  # of scenes in a block, and of the cells that get one mo
 REJECTION_STREAM = 5
 GROWTH_STREAM = 6  # plan and pieces
 RARITY_STREAM = 6
+GROWTH_RARITY_STREAM = 7
 PARTS_STREAM = 7  # of a request: their seeds, and how their scenes are combined
 MEMBER_SEEDS_STREAM = 9  # of specs that draw numbers of things
 MOTIONS_STREAM = 11
@@ -29,4 +30,4 @@ EPISODE_STARTS_STREAM = 14
 COMPLETION_STREAM = 17
 SUITES_STREAM = 17
 
-SHARED_NUMBERS = frozenset({4, 6, 11, 12, 13, 17})
+SHARED_NUMBERS = frozenset({4, 6, 7, 11, 12, 13, 17})

@@ -103,9 +103,9 @@ def test_what_is_advised_can_be_sampled(report, scenegen, here):
 def test_what_is_very_rare_is_offered_even_where_it_cannot_be_counted(told, report, scenegen, here, monkeypatch):
     """And what violates the task is not called easy, be it the best that occurs."""
     if not told:
-        monkeypatch.setattr("scenegen.sampling.growth.rarity.EFFORT", 0.0)
-        monkeypatch.setattr("scenegen.sampling.growth.rarity.FEWEST", -1)
-        monkeypatch.setattr("scenegen.sampling.growth.rarity.SATISFIED", 0.0)
+        monkeypatch.setattr("scenegen.sampling.growth.rarity.TAIL_EFFORT", 0.0)
+        monkeypatch.setattr("scenegen.sampling.growth.rarity.MIN_RUNS", -1)
+        monkeypatch.setattr("scenegen.sampling.growth.rarity.SATISFIED_EFFORT", 0.0)
     (here / "rare.spec").write_text(RARE)
     out = report("rare.spec").out
     share = "1 scene in 10^10" if told else "so few scenes that their share cannot be told"

@@ -109,7 +109,7 @@ def test_what_motions_do_not_have(options, said, scenegen, here):
 @pytest.mark.long
 @pytest.mark.usefixtures("passing")
 def test_the_range_of_motions(scenegen, here, monkeypatch):
-    monkeypatch.setattr("scenegen.sampling.motions.rarity.WORK", 30_000_000)
+    monkeypatch.setattr("scenegen.sampling.motions.rarity.MOTION_WORK", 30_000_000)
     outcome = scenegen("range", "pass.spec", "--png", "rarity.png")
     assert outcome.status == 0 and (here / "rarity.png").stat().st_size > 1000
     assert "what the spec requires is met by" in outcome.out and "of motions (log10 P =" in outcome.out
@@ -128,7 +128,7 @@ def test_the_range_of_motions(scenegen, here, monkeypatch):
     ],
 )
 def test_no_range(text, said, scenegen, here, monkeypatch):
-    monkeypatch.setattr("scenegen.sampling.motions.rarity.WORK", 10_000_000)
+    monkeypatch.setattr("scenegen.sampling.motions.rarity.MOTION_WORK", 10_000_000)
     (here / "bad.spec").write_text(text)
     outcome = scenegen("range", "bad.spec")
     assert outcome.status == 1 and outcome.out == "" and outcome.err.startswith(said)

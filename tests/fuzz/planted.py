@@ -21,8 +21,8 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import REQUIRE, gated
 from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec, combinations
-from scenegen.sampling.growth.failure import too_full
 from scenegen.sampling.growth.graph import make_graph
+from scenegen.sampling.growth.packing import packing_proof
 from scenegen.sampling.parts import independent_parts
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rejection.sampler import make_plan
@@ -214,7 +214,7 @@ def wrong_proofs(made: Planted, work: float = 3e7) -> list[str]:
         if find_witness(core, *made.member.box(), problem.demand(), work=int(work / 1000)).verdict == "no":
             found.append(f"{what}: search")
         with np.errstate(all="ignore"):
-            found += [f"{what}: {proof}" for proof in [too_full(make_graph(problem), problem.spec)] if proof]
+            found += [f"{what}: {proof}" for proof in [packing_proof(make_graph(problem), problem.spec)] if proof]
             for mine, wanted in (("range", problem.demand()), ("cell", problem.demand(max(cell, 0)))):
                 try:
                     if not make_cover(problem, wanted, (1, 2), Effort(most=work)).parts:

@@ -19,7 +19,7 @@ from scenegen.sampling.methods import make_plan
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rejection.trial import TRIAL_WORK, make_trial
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.chain_state import ChainTape, make_frame
+from scenegen.sampling.splitting.chain_state import ChainTape, make_chain_state
 from scenegen.sampling.splitting.sampler import Splitting, SplittingStalled, plan_splitting
 from scenegen.search import effort as module
 from scenegen.search import label_bounds
@@ -142,8 +142,8 @@ FEW = "require leftOf(a, b)\ntask: closeTo(b, c, 0.2)"
 
 @pytest.fixture
 def few(monkeypatch):
-    monkeypatch.setattr("scenegen.sampling.splitting.sampler.CHAINS", 256)
-    monkeypatch.setattr("scenegen.sampling.splitting.sampler.LEAST_CHAINS", 256)
+    monkeypatch.setattr("scenegen.sampling.splitting.sampler.MAX_CHAINS", 256)
+    monkeypatch.setattr("scenegen.sampling.splitting.sampler.MIN_CHAINS", 256)
     return make_problem(check_text(FEW), SampleRequest({"task": Range(0.0, 0.04)}, n=64))
 
 
@@ -160,18 +160,18 @@ def test_a_plan_of_splitting_stops_when_it_is_told_to(few):
 
 
 def test_every_clearance_of_a_large_table_is_a_chance_to_stop(spec):
-    frame = make_frame(gated(spec.core), *spec.box())
+    frame = make_chain_state(gated(spec.core), *spec.box())
     stop = Calls()
     ChainTape(frame, stop=stop)(frame.draw(64, np.random.default_rng(0)))
     assert stop.calls == sum(isinstance(node, Apply) for node in frame.core.nodes)
 
 
 def test_a_large_table_is_scored_some_scenes_at_a_time(monkeypatch, spec):
-    frame = make_frame(gated(spec.core), *spec.box())
+    frame = make_chain_state(gated(spec.core), *spec.box())
     rows = frame.draw(250, np.random.default_rng(0))
     whole, once, stop = ChainTape(frame)(rows), Calls(), Calls()
     ChainTape(frame, stop=once)([row[:64] for row in rows])
-    monkeypatch.setattr("scenegen.sampling.splitting.chain_state.LIVE", 4 * 10 * ChainTape(frame).length)
+    monkeypatch.setattr("scenegen.sampling.splitting.chain_state.MAX_LIVE_VALUES", 4 * 10 * ChainTape(frame).length)
     parts = ChainTape(frame, stop=stop)(rows)
     assert [one.tolist() for one in parts] == [one.tolist() for one in whole]
     assert stop.calls == 4 * once.calls

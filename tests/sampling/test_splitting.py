@@ -16,21 +16,22 @@ from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.report import probability_info
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
-from scenegen.sampling.splitting.chains import Chains, Statistics, _systematic, correlation, design_effect
+from scenegen.sampling.resampling import resample
+from scenegen.sampling.splitting.chain_state import ChainTape, chain_state_of
+from scenegen.sampling.splitting.chains import Chains, Statistics, correlation, design_effect
 from scenegen.sampling.splitting.levels import Region
 from scenegen.sampling.splitting.moves import (
-    COMPOSED,
-    MIRRORS,
-    MOVES,
-    STEPS,
+    COMPOSED_MIRRORS,
+    MIRROR_PROPOSALS,
+    MOVE_PROPOSALS,
+    STEP_PROPOSALS,
     Deck,
     MoveInputs,
     Tuning,
     bring_home,
     moves_for,
 )
-from scenegen.sampling.splitting.sampler import SplittingStalled, make_schedule, run_piece
+from scenegen.sampling.splitting.sampler import Splitting, SplittingStalled, make_schedule
 from scenegen.search.effort import Budget
 
 rejection = partial(run, method="rejection")
@@ -212,7 +213,7 @@ def test_pieces_are_unbiased_about_the_probability():
     )
     plan = make_schedule(problem, Budget())
     assert not isinstance(plan, SplittingStalled) and plan.levels >= 8
-    estimates = np.array([run_piece(problem, plan, k).probability for k in range(40)])
+    estimates = np.array([Splitting(problem, plan).draw(k).facts[1] for k in range(40)])
     truth = (0.2**2 / 2) ** 2 - (0.18**2 / 2) ** 2
     error = estimates.std(ddof=1) / math.sqrt(len(estimates))
     assert abs(estimates.mean() - truth) < 4 * error
@@ -276,7 +277,7 @@ def test_pieces_vary_no_more_than_independent_scenes_would():
     spec = check_text(shipped_specs()["sort_7"].read_text(), "sort_7")
     problem = make_problem(spec, SampleRequest({"sorted": Range(0.0375, 0.0625)}, n=N, spread="base"))
     plan = make_schedule(problem, Budget())
-    pieces = [run_piece(problem, plan, k) for k in range(30)]
+    pieces = [Splitting(problem, plan).draw(k) for k in range(30)]
     means = np.array([[view.mean() for view in seen(piece.rows)] for piece in pieces])
     spread = np.array([view.std() for view in seen(np.concatenate([piece.rows for piece in pieces], axis=1))])
     excess = means.var(axis=0, ddof=1) / (spread**2 / np.mean([piece.rows.shape[1] for piece in pieces]))
@@ -311,13 +312,13 @@ def problem():
 
 def chains_at_truth(problem, seed, low=0.05):
     """Chains that are exactly where they should be, by plain rejection."""
-    chain_state, rng = frame_of(problem), np.random.Generator(np.random.SFC64(seed))
+    chain_state, rng = chain_state_of(problem), np.random.Generator(np.random.SFC64(seed))
     tape = ChainTape(chain_state)
     rows = chain_state.draw(120_000, rng)
     good = tape(rows)[0] >= low
     rows = [row[good] for row in rows]
     chains = Chains.start(chain_state, tape, problem.cells, len(rows[0]), rng)
-    chains.rows, chains.phi = rows, tape(rows)
+    chains.rows, chains.scores = rows, tape(rows)
     chains.pool = [row[:500] for row in rows]
     chains.region = Region(np.array([low]), np.array([np.inf]))
     return chains
@@ -327,8 +328,8 @@ def tuning(chain_state, length=0.3):
     width = chain_state.high - chain_state.low
     # part of the box alone, so that redraws have to tell who may take part
     return Tuning(
-        dict.fromkeys(MOVES, 1.0),
-        dict.fromkeys(MOVES, 1.0),
+        dict.fromkeys(MOVE_PROPOSALS, 1.0),
+        dict.fromkeys(MOVE_PROPOSALS, 1.0),
         length * width,
         chain_state.low,
         chain_state.low + 0.8 * width,
@@ -338,29 +339,29 @@ def tuning(chain_state, length=0.3):
 def distances(chains, before, same_distribution):
     """Statistics, by number, whose distribution is no longer what it was."""
     chain_state = chains.chain_state
-    now = [*chains.rows, chains.phi[0], chains.rows[0] - chains.rows[3], chains.rows[1] - chains.rows[4]]
+    now = [*chains.rows, chains.scores[0], chains.rows[0] - chains.rows[3], chains.rows[1] - chains.rows[4]]
     assert chain_state.dimension == 6
     return [index for index, (one, two) in enumerate(zip(before, now, strict=True)) if not same_distribution(one, two)]
 
 
 def statistics(chains):
-    return [*chains.rows, chains.phi[0], chains.rows[0] - chains.rows[3], chains.rows[1] - chains.rows[4]]
+    return [*chains.rows, chains.scores[0], chains.rows[0] - chains.rows[3], chains.rows[1] - chains.rows[4]]
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("kind", MOVES)
+@pytest.mark.parametrize("kind", MOVE_PROPOSALS)
 def test_a_kind_keeps_the_distribution(problem, kind, same_distribution):
     chains, fresh = chains_at_truth(problem, 1), chains_at_truth(problem, 2)
     start = [row.copy() for row in chains.rows]
     shares = [chains.move(kind, tuning(chains.chain_state))[0] for _ in range(12)]
     assert distances(chains, statistics(fresh), same_distribution) == []
-    assert chains.region.holds(chains.phi).all()
+    assert chains.region.holds(chains.scores).all()
     for row, low, high in zip(chains.rows, chains.chain_state.low, chains.chain_state.high, strict=True):
         assert row.min() >= low and row.max() <= high
     moved = np.mean([(a != b) for a, b in zip(start, chains.rows, strict=True)])
     assert (max(shares) > 0) == (moved > 0)
-    assert moved > 0 or kind in MIRRORS
-    np.testing.assert_array_equal(chains.phi[0], chains.tape(chains.rows)[0])
+    assert moved > 0 or kind in MIRROR_PROPOSALS
+    np.testing.assert_array_equal(chains.scores[0], chains.tape(chains.rows)[0])
 
 
 def test_a_move_that_leans_is_found_out(problem, same_distribution, monkeypatch):
@@ -372,17 +373,17 @@ def test_a_move_that_leans_is_found_out(problem, same_distribution, monkeypatch)
     assert distances(chains, statistics(fresh), same_distribution)
 
 
-@pytest.mark.parametrize("kind", MIRRORS)
+@pytest.mark.parametrize("kind", MIRROR_PROPOSALS)
 @pytest.mark.parametrize("text", [SPEC, TRAYS], ids=["table", "trays"])
 def test_a_mirror_undoes_itself(text, kind, monkeypatch):
     monkeypatch.setattr(MoveInputs, "coin", lambda self: np.ones(self.count, dtype=bool))
-    chain_state = frame_of(make_problem(check_text(text), SampleRequest(n=16)))
+    chain_state = chain_state_of(make_problem(check_text(text), SampleRequest(n=16)))
     rows = chain_state.draw(100, np.random.default_rng(0))
 
     def apply(rows, seed):
         rng = np.random.Generator(np.random.SFC64(seed))
         decks = Deck(chain_state.dimension, rng), Deck(len(chain_state.parts), rng)
-        proposal = MOVES[kind](MoveInputs(chain_state, *decks, rows, rows, tuning(chain_state), 1.0, rng))
+        proposal = MOVE_PROPOSALS[kind](MoveInputs(chain_state, *decks, rows, rows, tuning(chain_state), 1.0, rng))
         values, _ = bring_home(chain_state, proposal)
         out = list(rows)
         for row, value in zip(proposal.rows, values, strict=True):
@@ -403,16 +404,16 @@ def test_a_mirror_undoes_itself(text, kind, monkeypatch):
 
 
 def test_the_table_of_compositions_names_mirrors():
-    assert set(COMPOSED) <= set(MIRRORS)
-    assert all(part in MIRRORS for ways in COMPOSED.values() for way in ways for part in way)
-    assert not set(STEPS) & set(MIRRORS)
+    assert set(COMPOSED_MIRRORS) <= set(MIRROR_PROPOSALS)
+    assert all(part in MIRROR_PROPOSALS for ways in COMPOSED_MIRRORS.values() for way in ways for part in way)
+    assert not set(STEP_PROPOSALS) & set(MIRROR_PROPOSALS)
 
 
 def test_one_object_has_no_moves_of_two():
-    chain_state = frame_of(make_problem(check_text("closeTo(mug, (0.5, 0.5), 0.1)"), SampleRequest(n=1)))
+    chain_state = chain_state_of(make_problem(check_text("closeTo(mug, (0.5, 0.5), 0.1)"), SampleRequest(n=1)))
     assert chain_state.dimension == 2 and len(chain_state.parts) == 1
     assert not {"pair", "shift run", "turn", "flip", "swap", "reverse", "swap, mirror x"} & set(moves_for(chain_state))
-    line = frame_of(make_problem(check_text("x(mug) >= 0.5"), SampleRequest(n=1)))
+    line = chain_state_of(make_problem(check_text("x(mug) >= 0.5"), SampleRequest(n=1)))
     assert not {"two rows", "redraw two rows"} & set(moves_for(line))
 
 
@@ -429,7 +430,7 @@ def test_systematic_resampling_rounds_each_share():
     rng = np.random.default_rng(1)
     share = rng.random(200)
     share /= share.sum()
-    counts = np.bincount(_systematic(share, rng, 5000), minlength=200)
+    counts = np.bincount(resample(share, 5000, rng), minlength=200)
     assert counts.sum() == 5000 and (np.abs(counts - 5000 * share) < 1).all()
 
 

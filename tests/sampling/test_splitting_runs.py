@@ -13,7 +13,7 @@ from scenegen.lang.checker import check_text
 from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
-from scenegen.sampling.splitting.sampler import SplittingStalled, _SceneDescent, make_schedule, run_piece
+from scenegen.sampling.splitting.sampler import Splitting, SplittingStalled, _SceneDescent, make_schedule
 from scenegen.search.effort import Budget
 
 splitting = partial(run, method="splitting")
@@ -25,7 +25,7 @@ RARE = {"task": Range(0.05, 0.06)}
 def few_chains():
     """An eighth of the usual chains; tests/slow and tests/sampling/test_verify.py take all of them."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("scenegen.sampling.splitting.sampler.CHAINS", 1024)
+        patch.setattr("scenegen.sampling.splitting.sampler.MAX_CHAINS", 1024)
         yield
 
 
@@ -43,18 +43,18 @@ def plan(problem):
 
 @pytest.mark.long
 def test_a_piece_is_the_same_whenever_it_is_run(problem, plan):
-    first = run_piece(problem, plan, 2)
-    other = run_piece(problem, plan, 0)
-    again = run_piece(problem, plan, 2)
+    first = Splitting(problem, plan).draw(2)
+    other = Splitting(problem, plan).draw(0)
+    again = Splitting(problem, plan).draw(2)
     assert first.rows.tobytes() == again.rows.tobytes() and first.phi.tobytes() == again.phi.tobytes()
-    assert first.probability == again.probability
+    assert first.facts.tobytes() == again.facts.tobytes()
     assert not set(first.rows[0].tolist()) & set(other.rows[0].tolist())
 
 
 @pytest.mark.long
 def test_a_plan_made_again_is_the_same(problem, plan):
     again = make_schedule(problem, Budget())
-    assert run_piece(problem, again, 0).rows.tobytes() == run_piece(problem, plan, 0).rows.tobytes()
+    assert Splitting(problem, again).draw(0).rows.tobytes() == Splitting(problem, plan).draw(0).rows.tobytes()
 
 
 @pytest.mark.long

@@ -16,7 +16,7 @@ from scenegen.lang.checker import check_text
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.growth import sampler
 from scenegen.sampling.growth.moves import MoveSettings
-from scenegen.sampling.growth.population import grow, spread_over
+from scenegen.sampling.growth.population import grow, spread_scenes
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
@@ -211,7 +211,7 @@ def test_the_order_of_insertion_leaves_no_mark(text, request):
         problem = make_problem(check_text(text), SampleRequest({"task": Range(0.0)}, n=N, seed=seed))
         plan = plan_growth(problem, Budget(600.0))
         assert isinstance(plan, Growth)
-        first, last = plan.machine.order[0], plan.machine.order[-1]
+        first, last = plan.model.order[0], plan.model.order[-1]
         rows = draw(problem, Budget(600.0), method="growth").rows
         p.append(3 * min(stats.ks_2samp(one, two).pvalue for one, two in views(rows, first, last)))
     print(f"\n| {request.node.callspec.id}: first against last object | {min(p):.2g} - {min(1.0, max(p)):.2g} | "
@@ -289,7 +289,7 @@ def test_growth_without_moves_is_rejected():
         assert isinstance(plan, Growth)
         steps = [type(step)(step.tries, 0) for step in plan.recipe.steps]
         grown = grow(
-            plan.machine, *spread_over(plan.machine, (0,), N), steps, MoveSettings({}), sampler.generator(seed, 0)
+            plan.model, *spread_scenes(plan.model, (0,), N), steps, MoveSettings({}), sampler.generator(seed, 0)
         )
         p.append(rod_p(grown.particles.scenes[0::3]))
     print(f"\n| 15 rods, growth without moves | {min(p):.2g} - {max(p):.2g} | "
@@ -318,7 +318,7 @@ def test_growth_without_weights_is_rejected(monkeypatch):
         plan = plan_growth(problem, Budget(600.0))
         steps = [type(step)(max(step.tries, 16), 0) for step in plan.recipe.steps]
         grown = grow(
-            plan.machine, *spread_over(plan.machine, (0,), N), steps, MoveSettings({}), sampler.generator(seed, 0)
+            plan.model, *spread_scenes(plan.model, (0,), N), steps, MoveSettings({}), sampler.generator(seed, 0)
         )
         p.append(rod_p(grown.particles.scenes[0::3]))
     print(f"\n| 15 rods, growth without weights | {min(p):.2g} - {max(p):.2g} | "

@@ -326,10 +326,10 @@ def _measured(spec: CheckedSpec, seed: int, stop: Stop, deadline: float) -> Rari
         stop.check()  # what a run has found by then depends on the clock
         if isinstance(found, Rarity):
             return found
-    from scenegen.sampling.growth.rarity import measure_vast
+    from scenegen.sampling.growth.rarity import measure_by_growth
 
     try:
-        vast = measure_vast(spec, spec.labels, seed, deadline=deadline)
+        vast = measure_by_growth(spec, spec.labels, seed, deadline=deadline)
         stop.check()
         return vast
     except (StoppedError, RequestError):  # time may be up

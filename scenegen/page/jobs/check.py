@@ -87,11 +87,11 @@ def check(message: dict[str, Any]) -> Iterator[Any]:
 
 def _unbounded_problems(page: Page, spec: Spec) -> list[dict[str, Any]]:
     """A warning for each object of which nothing says how far it moves in a step: then no motions can be sampled."""
-    from scenegen.sampling.motions.scores import unbounded
+    from scenegen.sampling.motions.scores import unbounded_objects
 
     assert spec.over_time is not None
     found = []
-    for name in unbounded(spec.over_time, *spec.definition.box()):
+    for name in unbounded_objects(spec.over_time, *spec.definition.box()):
         told = NO_BOUND_ON_STEPS(name=name)
         places = [one for one in page.document.index.declarations if one.name == name.partition("[")[0]]
         start, end = (places[0].start, places[0].end) if places else (0, 0)

@@ -6,8 +6,7 @@ and a move scores the clauses of what it moves. There are three kinds:
 
 * a `Pair` keeps two footprints (or two points) at a distance. Only neighbours matter, and there may be thousands;
 * a `Disjunction` is a disjunction over several objects: one of its `Way`s must hold, and what is placed first says
-which
-  ways are still open;
+  which ways are still open;
 * every other clause is evaluated as it is.
 
 The ends of a clause depend on the cell of the range that a scene is for.
@@ -44,11 +43,8 @@ from scenegen.search.effort import Effort
 from scenegen.search.surfaces import Stand, stands_of
 from scenegen.search.tape import make_tape
 
-# --------------------------------------------------------------------------------------------------------------------
-# What nodes of the core formula read: coordinates, parts of junctions, a clearance and a constant.
 
-
-def read_by(node: Node) -> list[int]:
+def nodes_read(node: Node) -> list[int]:
     """The nodes that a value depends on: a circle's heading is not one of them."""
     if not isinstance(node, Apply) or not node.shapes:
         return list(children(node))
@@ -63,12 +59,12 @@ def read_by(node: Node) -> list[int]:
     return read
 
 
-def needed(args: Sequence[int], shape: Footprint) -> Sequence[int]:
+def needed_args(args: Sequence[int], shape: Footprint) -> Sequence[int]:
     """Arguments x, y and heading, of a round footprint the first two."""
     return args[: len(PLACE)] if isinstance(shape, Circle) else args
 
 
-def members(bits: int) -> list[int]:
+def set_bits(bits: int) -> list[int]:
     found = []
     while bits:
         lowest = bits & -bits
@@ -77,7 +73,7 @@ def members(bits: int) -> list[int]:
     return found
 
 
-def flat(core: Core, index: int) -> list[int]:
+def flat_args(core: Core, index: int) -> list[int]:
     """The arguments of a junction, those of junctions of the same kind within it instead of these; each only once."""
     top = core.nodes[index]
     assert isinstance(top, Junction)
@@ -136,8 +132,8 @@ def offset_of(nodes: Sequence[Node], index: int) -> tuple[int, float, float] | N
                 return None
 
 
-NONE: Mapping[int, Stand] = MappingProxyType({})
-LOCAL = 2  # objects up to which a disjunction is evaluated as a whole if each of its ways touches them all
+NO_STANDS: Mapping[int, Stand] = MappingProxyType({})
+MAX_LOCAL_OBJECTS = 2  # objects up to which a disjunction is evaluated as a whole if each of its ways touches them all
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -237,11 +233,11 @@ def make_graph(problem: Problem, rounds: int = SWEEPS, effort: Effort | None = N
     rows = builder.rows_read([*narrowing, *pairs])
     low, high = builder.box(narrowing)
     return Graph(
-        problem.core, tuple(clauses), tuple(pairs), tuple(choices), rows, low, high, stands, builder.switched()
+        problem.core, tuple(clauses), tuple(pairs), tuple(choices), rows, low, high, stands, builder.switch_readers()
     )
 
 
-def touched(problem: Problem, effort: Effort | None = None) -> dict[int, frozenset[int]]:
+def objects_by_node(problem: Problem, effort: Effort | None = None) -> dict[int, frozenset[int]]:
     """The free objects that each formula node touches of which something is asked; none where it is the same in every
     scene. Raises what `effort` raises."""
     builder = _Builder(problem, effort=effort)
@@ -268,7 +264,7 @@ class _Builder:
         self,
         problem: Problem,
         rounds: int = SWEEPS,
-        stands: Mapping[int, Stand] = NONE,
+        stands: Mapping[int, Stand] = NO_STANDS,
         effort: Effort | None = None,
     ) -> None:
         self._effort = Effort() if effort is None else effort
@@ -281,7 +277,7 @@ class _Builder:
                 self._reads.append(1 << node.row if free[node.row] else 0)
             else:
                 bits = 0
-                for child in read_by(node):
+                for child in nodes_read(node):
                     bits |= self._reads[child]
                 self._reads.append(bits)
 
@@ -315,14 +311,14 @@ class _Builder:
         return [Clause(node, self._objects(node), low, high) for node, (low, high) in demands.items()]
 
     def _objects(self, node: int) -> frozenset[int]:
-        return frozenset(self._switches.get(row, owner(row)) for row in members(self._reads[node]))
+        return frozenset(self._switches.get(row, owner(row)) for row in set_bits(self._reads[node]))
 
     def rows_read(self, clauses: Iterable[Clause | Pair]) -> frozenset[int]:
         """The free rows that some clause reads."""
         bits = 0
         for one in clauses:
             bits |= self._reads[one.node]
-        return frozenset(members(bits))
+        return frozenset(set_bits(bits))
 
     def pair(self, clause: Clause) -> Pair | None:
         """The clause as a pair, where it is one: a lower end of a clearance or a distance, and nothing else."""
@@ -338,7 +334,7 @@ class _Builder:
         if node.primitive == "gap":
             shapes = node.shapes[0], node.shapes[1]
             first, second = node.args[: len(FLAT)], node.args[len(FLAT) :]
-            a, b = self._place(needed(first, shapes[0])), self._place(needed(second, shapes[1]))
+            a, b = self._place(needed_args(first, shapes[0])), self._place(needed_args(second, shapes[1]))
         else:
             a, b, shapes = self._place(node.args[: len(PLACE)]), self._place(node.args[len(PLACE) :]), (POINT, POINT)
         if a is None or b is None or a == b or not (isinstance(a, int) or isinstance(b, int)):
@@ -372,38 +368,38 @@ class _Builder:
         node = self._core.nodes[clause.node]
         if not isinstance(node, Junction) or len(clause.objects) < 2:
             return None
-        if self._of_surfaces(clause):
+        if self._is_about_surfaces(clause):
             return None
         ways = []
-        for arg in flat(self._core, clause.node):
+        for arg in flat_args(self._core, clause.node):
             self._effort.check()
             whole = Clause(arg, self._objects(arg), clause.low, clause.high)
-            ways.append(Way(whole, tuple(self.clauses(asked(self._core, whole)))))
-        if len(clause.objects) <= LOCAL and all(way.whole.objects == clause.objects for way in ways):
+            ways.append(Way(whole, tuple(self.clauses(demands_of(self._core, whole)))))
+        if len(clause.objects) <= MAX_LOCAL_OBJECTS and all(way.whole.objects == clause.objects for way in ways):
             return None
-        return Disjunction(clause, tuple(self._possible(ways) or ways), clause.objects)
+        return Disjunction(clause, tuple(self._possible_ways(ways) or ways), clause.objects)
 
-    def _of_surfaces(self, clause: Clause) -> bool:
+    def _is_about_surfaces(self, clause: Clause) -> bool:
         """Whether a disjunction says on which surface an object stands, or what keeps two bodies clear of each other
         on each: the object is drawn so that the one holds, and so few bodies are scored as a whole."""
         reads = self._reads[clause.node]
         if not any(reads >> switch & 1 for switch in self._switches):
             return False
-        bodies = {owner(row) for row in members(reads) if row not in self._switches}
-        if len(bodies) <= LOCAL:
+        bodies = {owner(row) for row in set_bits(reads) if row not in self._switches}
+        if len(bodies) <= MAX_LOCAL_OBJECTS:
             return True
-        ways = [self._reads[arg] for arg in flat(self._core, clause.node)]
+        ways = [self._reads[arg] for arg in flat_args(self._core, clause.node)]
         return any(
             all(way >> switch & 1 and way >> row_of(thing, X) & 1 for way in ways)
             for switch, thing in self._switches.items()
         )
 
-    def switched(self) -> frozenset[int]:
+    def switch_readers(self) -> frozenset[int]:
         """The nodes that read the switch of something that stands."""
         bits = sum(1 << switch for switch in self._switches)
         return frozenset(node for node, reads in enumerate(self._reads) if reads & bits)
 
-    def _possible(self, ways: Sequence[Way]) -> list[Way]:
+    def _possible_ways(self, ways: Sequence[Way]) -> list[Way]:
         """The ways that contraction does not rule out in all cells."""
         problem = self._problem
         wanted = [{one.node: (float(one.low.min()), float(one.high.max())) for one in way.clauses} for way in ways]
@@ -434,7 +430,7 @@ class _Builder:
         return lowest, highest
 
 
-def asked(core: Core, clause: Clause) -> dict[int, tuple[Array, Array]]:
+def demands_of(core: Core, clause: Clause) -> dict[int, tuple[Array, Array]]:
     """What a clause asks of the formula nodes below it, pushed down cell by cell: node -> ends, (C,) each."""
     count = len(clause.low)
     found: dict[int, tuple[Array, Array]] = {}
@@ -447,37 +443,34 @@ def asked(core: Core, clause: Clause) -> dict[int, tuple[Array, Array]]:
     return found
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What follows from a formula and touches fewer objects than it does.
-#
-# `evenlySpaced` holds every gap of a row against the mean of all gaps: none of it can be scored before the last
-# object of the row is placed, and by then it is too late. But two gaps that are each within e of the mean are within
-# 2 e of each other, and that touches three or four objects. The margin e - |a - b| / 2 is at least the mean of the
-# two, so never below the smaller one: to add it to their conjunction changes no value of phi.
-
-
 Even = tuple[int, int, float]
 """One number, the mean of several of which it is one (nodes), and how near they must be."""
 
 
-def strengthened(problem: Problem, effort: Effort) -> Problem:
-    """The problem with what its formulas imply, for growth; phi of every scene is the same but for rounding. Raises
-    what `effort` raises."""
-    core = with_implied(problem.core)
+def add_implied_clauses(problem: Problem, effort: Effort) -> Problem:
+    """The problem with what its formulas imply and touches fewer objects than they do; phi of every scene is the same
+    but for rounding. Raises what `effort` raises."""
+    core = add_implied_atoms(problem.core)
     if core is problem.core:
         return problem
     return replace(problem, core=core, tape=make_tape(core, problem.lowest, problem.highest, effort))
 
 
-def with_implied(core: Core) -> Core:
+def add_implied_atoms(core: Core) -> Core:
     """The core with an atom more for every two numbers that a conjunction holds against their mean; the core itself
-    where there are none."""
+    where there are none.
+
+    `evenlySpaced` holds every gap of a row against the mean of all gaps: none of it can be scored before the last
+    object of the row is placed, and by then it is too late. But two gaps that are each within e of the mean are within
+    2 e of each other, and that touches three or four objects. The margin e - |a - b| / 2 is at least the mean of the
+    two, so never below the smaller one: to add it to their conjunction changes no value of phi.
+    """
     nodes: list[Node] = []
     place: dict[int, int] = {}
     for old, node in enumerate(core.nodes):
         new = moved(node, place)
         if isinstance(node, Junction) and isinstance(new, Junction) and node.kind == "min":
-            more = _pairs(core.nodes, node, place, nodes)
+            more = _implied_atoms(core.nodes, node, place, nodes)
             new = replace(new, args=(*new.args, *more)) if more else new
         place[old] = len(nodes)
         nodes.append(new)
@@ -488,12 +481,12 @@ def with_implied(core: Core) -> Core:
     return Core(tuple(nodes), labels, core.objects, required)
 
 
-def _pairs(old: Sequence[Node], junction: Junction, place: dict[int, int], nodes: list[Node]) -> list[int]:
+def _implied_atoms(old: Sequence[Node], junction: Junction, place: dict[int, int], nodes: list[Node]) -> list[int]:
     """Atoms for the pairs of one conjunction, appended to the nodes."""
     found: dict[int, list[tuple[Even, Atom]]] = {}
     for arg in junction.args:
         atom = old[arg]
-        if isinstance(atom, Atom) and (even := _even(old, atom)) is not None:
+        if isinstance(atom, Atom) and (even := _even_gap(old, atom)) is not None:
             found.setdefault(even[1], []).append((even, atom))
     added = []
     for group in found.values():
@@ -513,24 +506,15 @@ def _pairs(old: Sequence[Node], junction: Junction, place: dict[int, int], nodes
     return added
 
 
-def _even(nodes: Sequence[Node], atom: Atom) -> Even | None:
+def _even_gap(nodes: Sequence[Node], atom: Atom) -> Even | None:
     """The atom as e - |number - mean|, where it is one, and the number one of several of which the mean is."""
     match nodes[atom.margin]:
         case Apply("sub", (limit, size)):
-            pass
-        case _:
-            return None
-    match nodes[limit], nodes[size]:
-        case Const(value), Apply("abs", (difference,)):
-            pass
-        case _:
-            return None
-    match nodes[difference]:
-        case Apply("sub", (number, mean)):
-            pass
-        case _:
-            return None
-    match nodes[mean]:
-        case Apply("mean", args) if number in args and len(args) > 2:
-            return number, mean, value
+            match nodes[limit], nodes[size]:
+                case Const(value), Apply("abs", (difference,)):
+                    match nodes[difference]:
+                        case Apply("sub", (number, mean)):
+                            match nodes[mean]:
+                                case Apply("mean", args) if number in args and len(args) > 2:
+                                    return number, mean, value
     return None

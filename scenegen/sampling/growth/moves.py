@@ -15,28 +15,26 @@ import numpy as np
 from scenegen.arrays import Array, Bool, Index
 from scenegen.pose import FLAT, PLACE, THETA, X, Y, owner, row_of
 from scenegen.sampling.growth.graph import Clause
-from scenegen.sampling.growth.insertion import NUMBERS, attempt, held_of_all, scored
-from scenegen.sampling.growth.machine import Machine, MoveTally, Particles, chance
+from scenegen.sampling.growth.insertion import MAX_POSES_AT_ONCE, attempt, choices_after, score_poses
+from scenegen.sampling.growth.model import GrowthModel, MoveTally, Particles
 from scenegen.sampling.growth.room import FreePoses, SupportPoses, make_room
-from scenegen.sampling.growth.support_moves import carry, hop, hops, ready
-
-# --------------------------------------------------------------------------------------------------------------------
-# Moves that lift something off the table and put it down elsewhere: several places are tried in every scene at once.
-#
-# One try finds a free place in one scene of fifty on a full table, so an object would hardly ever leave the hole in
-# which it was placed. The tries of a scene are drawn independently of where the object stands, and one of those that
-# meet all clauses is taken (multiple-try Metropolis with independent proposals, Liu et al. 2000): with equal weights
-# always, else with the probability that keeps the distribution. Dozens of tries in numpy cost little more than one.
+from scenegen.sampling.growth.support_moves import FINEST_STEP, is_ready, move_with_load, support_moves, switch_support
 
 
 def reinsert(particles: Particles, thing: int, room: FreePoses | SupportPoses, tries: int, tally: MoveTally) -> None:
-    """Move one object to one of `tries` poses in its room."""
-    machine, rng, stage = particles.machine, particles.rng, particles.stage
-    rows = list(machine.touch[thing].rows)
-    boxes = room.boxes(particles.scenes, particles.cell, machine.effort)
-    machine.count(6 * len(room.nodes) * len(room.branches), particles.count)
+    """Move one object to one of `tries` poses in its room.
+
+    One try finds a free place in one scene of fifty on a full table, so an object would hardly ever leave the hole in
+    which it was placed. The tries of a scene are drawn independently of where the object stands, and one of those that
+    meet all clauses is taken (multiple-try Metropolis with independent proposals, Liu et al. 2000): with equal weights
+    always, else with the probability that keeps the distribution. Dozens of tries in numpy cost little more than one.
+    """
+    model, rng, stage = particles.model, particles.rng, particles.stage
+    rows = list(model.constraints[thing].rows)
+    boxes = room.boxes(particles.scenes, particles.cell, model.effort)
+    model.count(6 * len(room.nodes) * len(room.branches), particles.count)
     poses = boxes.draw(tries, rng)
-    value, _ = scored(particles, boxes, poses, thing, stage)
+    value, _ = score_poses(particles, boxes, poses, thing, stage)
     hits = int(np.count_nonzero(value))
     _note(tally, "redraw", thing, value.size, hits)
     if not hits:
@@ -45,20 +43,20 @@ def reinsert(particles: Particles, thing: int, room: FreePoses | SupportPoses, t
     own = np.where(density > 0.0, 1.0 / np.where(density > 0.0, density, 1.0), np.inf)
     tried, column = np.nonzero(value)
     fresh = dict(zip(rows, poses[:, tried, column], strict=True))
-    value[tried, column] *= _chances(particles, (thing,), fresh, column)
+    value[tried, column] *= _chances_after(particles, (thing,), fresh, column)
     own *= _chances_now(particles, (thing,))
-    which, taken = _choose(value, own, rng)
-    _set(particles, (thing,), {row: poses[place, which, taken] for place, row in enumerate(rows)}, taken)
+    which, taken = _choose_try(value, own, rng)
+    _put(particles, (thing,), {row: poses[place, which, taken] for place, row in enumerate(rows)}, taken)
 
 
 def relocate(particles: Particles, group: Sequence[int], tries: int, tally: MoveTally) -> None:
     """Move objects that hang together to one of `tries` places, as they stand to each other."""
-    machine, rng = particles.machine, particles.rng
-    graph, cell, count = machine.graph, particles.cell, particles.count
+    model, rng = particles.model, particles.rng
+    graph, cell, count = model.graph, particles.cell, particles.count
     moved: dict[int, Array] = {}
     good = np.ones((tries, count), dtype=bool)
     for axis in PLACE:
-        along = [row_of(one, axis) for one in group if row_of(one, axis) in machine.touch[one].rows]
+        along = [row_of(one, axis) for one in group if row_of(one, axis) in model.constraints[one].rows]
         if not along:
             continue
         low, high = graph.low[along][:, cell], graph.high[along][:, cell]
@@ -67,7 +65,7 @@ def relocate(particles: Particles, group: Sequence[int], tries: int, tally: Move
             value = particles.scenes[row] + step
             good &= (value >= least) & (value <= most)
             moved[row] = value
-    _keep(particles, group, moved, good)
+    _drop_violations(particles, group, moved, good)
     hits = int(np.count_nonzero(good))
     _note(tally, "relocate", group[0], good.size, hits)
     if not hits:
@@ -75,38 +73,38 @@ def relocate(particles: Particles, group: Sequence[int], tries: int, tally: Move
     value = good.astype(np.float64)
     tried, column = np.nonzero(good)
     fresh = {row: values[tried, column] for row, values in moved.items()}
-    value[tried, column] *= _chances(particles, group, fresh, column)
-    which, taken = _choose(value, _chances_now(particles, group), rng)
-    _set(particles, group, {row: values[which, taken] for row, values in moved.items()}, taken)
+    value[tried, column] *= _chances_after(particles, group, fresh, column)
+    which, taken = _choose_try(value, _chances_now(particles, group), rng)
+    _put(particles, group, {row: values[which, taken] for row, values in moved.items()}, taken)
 
 
-def _keep(particles: Particles, group: Sequence[int], moved: dict[int, Array], good: Bool) -> None:
+def _drop_violations(particles: Particles, group: Sequence[int], moved: dict[int, Array], good: Bool) -> None:
     """Take out of `good` (M, P) the places of a group, `moved` row -> (M, P), at which some clause is not met. What
     keeps its members apart stays met, for they move as one."""
-    machine, cell, scenes, stage = particles.machine, particles.cell, particles.scenes, particles.stage
+    model, cell, scenes, stage = particles.model, particles.cell, particles.scenes, particles.stage
     tried, scene = np.nonzero(good)
-    size = max(1, NUMBERS // max(1, len(scenes)))
+    size = max(1, MAX_POSES_AT_ONCE // max(1, len(scenes)))
     for begin in range(0, len(tried), size):
         number, column = tried[begin : begin + size], scene[begin : begin + size]
         for thing in group:
-            touch = machine.touch[thing]
+            constraints = model.constraints[thing]
             rows = [moved[row][number, column] if row in moved else scenes[row, column] for row in range(len(scenes))]
             there = cell[column]
-            met = touch.meets(rows, there, stage, machine.effort.check)
+            met = constraints.meets(rows, there, stage, model.effort.check)
             left = np.ones(len(column), dtype=bool) if met is None else met.copy()
-            machine.count(6 * stage, len(column))
+            model.count(6 * stage, len(column))
             if met is not None:
-                machine.count(len(touch.values(len(touch.in_force(stage)), ()).steps), len(column))
-            if touch.layers and left.any():
+                model.count(len(constraints.values(len(constraints.clauses_at(stage)), ()).steps), len(column))
+            if constraints.layers and left.any():
                 x, y, theta = (rows[row_of(thing, axis)] for axis in FLAT)
-                touch.clear((x, y, theta), scenes, there, stage, left, column, group)
+                constraints.drop_near((x, y, theta), scenes, there, stage, left, column, group)
             good[number[~left], column[~left]] = False
             number, column = number[left], column[left]
             if not len(number):
                 break
 
 
-def _choose(value: Array, own: Array, rng: np.random.Generator) -> tuple[Index, Index]:
+def _choose_try(value: Array, own: Array, rng: np.random.Generator) -> tuple[Index, Index]:
     """Which try is taken, and in which scenes one is: `value` (M, P) of the tries, `own` (P,) of how things are."""
     edges = np.cumsum(value, axis=0)
     total = edges[-1]
@@ -121,30 +119,20 @@ def _note(tally: MoveTally, kind: str, thing: int, tried: int, free: int) -> Non
     tally.note(f"{kind} of {thing}", tried, free)
 
 
-def _tables(
+def _try_choices(
     particles: Particles, things: Sequence[int], fresh: dict[int, Array], column: Index
 ) -> dict[int, tuple[Bool, Array]]:
-    """For every choice that touches some of the things: which of its ways hold, (W, B), and its chance, (B,), where
-    they stand at rows `fresh` (B,) in scenes `column` (B,)."""
-    touched = particles.touching(things)
-    if not touched or not len(column):
+    """`choices_after` where `things` stand at rows `fresh` (B,) in scenes `column` (B,)."""
+    if not len(column):
         return {}
-    machine, cell, stage = particles.machine, particles.cell[column], particles.stage
     rows = [fresh[row] if row in fresh else particles.scenes[row, column] for row in range(len(particles.scenes))]
-    found = {}
-    for index, held in zip(touched, held_of_all(machine, touched, rows, cell, stage), strict=True):
-        known = particles.held[index]
-        assert known is not None
-        table = known[:, column]
-        table[list(touched[index])] = held
-        found[index] = table, chance(table, machine.outlooks[index][:, stage], cell)
-    return found
+    return choices_after(particles, things, rows, column)
 
 
-def _chances(particles: Particles, things: Sequence[int], fresh: dict[int, Array], column: Index) -> Array:
+def _chances_after(particles: Particles, things: Sequence[int], fresh: dict[int, Array], column: Index) -> Array:
     """The product of the chances of choices, (B,), where `things` stand at rows `fresh` (B,) in scenes `column`."""
     out = np.ones(len(column))
-    for _, chances in _tables(particles, things, fresh, column).values():
+    for _, chances in _try_choices(particles, things, fresh, column).values():
         out *= chances
     return out
 
@@ -157,9 +145,9 @@ def _chances_now(particles: Particles, things: Sequence[int]) -> Array:
     return out
 
 
-def _set(particles: Particles, things: Sequence[int], fresh: dict[int, Array], column: Index) -> None:
+def _put(particles: Particles, things: Sequence[int], fresh: dict[int, Array], column: Index) -> None:
     """Put `things` at rows `fresh` (B,) in scenes `column`, and note what that makes of choices."""
-    tables = _tables(particles, things, fresh, column)
+    tables = _try_choices(particles, things, fresh, column)
     for row, values in fresh.items():
         particles.scenes[row, column] = values
     for index, (table, chances) in tables.items():
@@ -169,63 +157,61 @@ def _set(particles: Particles, things: Sequence[int], fresh: dict[int, Array], c
         particles.chances[index, column] = chances
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Moves between the ways of a choice: an object jumps to where another way puts it, a cluster moves as one.
-
-
-WAYS = 12  # ways that an object may jump between at a time
-LARGEST = 40  # objects up to which clusters are looked for
-SCALES = 4.0  # clusters are held together by distances down to the table's width over 2 to this power
-FAR = 0.5  # share of their moves that go anywhere: across what lies between two parts of the table
+MAX_JUMP_WAYS = 12  # ways that an object may jump between at a time
+MAX_CLUSTER_OBJECTS = 40  # objects up to which clusters are looked for
+CLUSTER_SCALES = 4.0  # clusters are held together by distances down to the table's width over 2 to this power
+FAR_CLUSTER_SHARE = 0.5  # share of their moves that go anywhere: across what lies between two parts of the table
 
 
 def jump(particles: Particles, thing: int, tally: MoveTally) -> None:
     """Redraw an object where some way of a choice that touches it would have it: a mixture over the ways' rooms,
     which do not depend on where it stands now (an independence move, Tierney 1994)."""
-    machine, rng = particles.machine, particles.rng
-    touch = machine.touch[thing]
-    if not touch.ways:
+    model, rng = particles.model, particles.rng
+    constraints = model.constraints[thing]
+    if not constraints.ways:
         return
-    index = list(touch.ways)[int(rng.integers(len(touch.ways)))]
-    placed, switched = set(particles.placed), machine.graph.switched  # heights say little of where things are
+    index = list(constraints.ways)[int(rng.integers(len(constraints.ways)))]
+    placed, switched = set(particles.placed_objects), model.graph.switched  # heights say little of where things are
     asked = [
         tuple(one for one in clauses if thing in one.objects and one.objects <= placed and one.node not in switched)
-        for clauses in (machine.graph.choices[index].ways[number].clauses for number in touch.ways[index])
+        for clauses in (model.graph.choices[index].ways[number].clauses for number in constraints.ways[index])
     ]
     branches = [clauses for clauses in asked if clauses]
     if not branches:
         return
-    if len(branches) > WAYS:
-        branches = [branches[k] for k in np.sort(rng.choice(len(branches), WAYS, replace=False))]
-    room = _room(machine, thing, touch.in_force(particles.stage), branches)
-    boxes = room.boxes(particles.scenes, particles.cell, machine.effort)
-    machine.count(6 * len(room.nodes) * len(room.branches), particles.count)
+    if len(branches) > MAX_JUMP_WAYS:
+        branches = [branches[k] for k in np.sort(rng.choice(len(branches), MAX_JUMP_WAYS, replace=False))]
+    room = _jump_room(model, thing, constraints.clauses_at(particles.stage), branches)
+    boxes = room.boxes(particles.scenes, particles.cell, model.effort)
+    model.count(6 * len(room.nodes) * len(room.branches), particles.count)
     poses = boxes.draw_evenly(rng)
-    before, after = boxes.even_density(particles.scenes[list(touch.rows)]), boxes.even_density(poses)
+    before, after = boxes.even_density(particles.scenes[list(constraints.rows)]), boxes.even_density(poses)
     allowed = (after > 0.0) & (rng.random(particles.count) * after < before)
-    attempt(particles, (thing,), dict(zip(touch.rows, poses, strict=True)), allowed, kind="jump", tally=tally)
+    attempt(particles, (thing,), dict(zip(constraints.rows, poses, strict=True)), allowed, kind="jump", tally=tally)
 
 
-def _room(machine: Machine, thing: int, clauses: tuple[Clause, ...], branches: list[tuple[Clause, ...]]) -> FreePoses:
+def _jump_room(
+    model: GrowthModel, thing: int, clauses: tuple[Clause, ...], branches: list[tuple[Clause, ...]]
+) -> FreePoses:
     key = "jump", thing, len(clauses), *(id(one) for branch in branches for one in branch)
-    if key not in machine.rooms:
-        machine.rooms[key] = make_room(machine.problem, machine.touch[thing], clauses, branches)
-    return machine.rooms[key]
+    if key not in model.rooms:
+        model.rooms[key] = make_room(model.problem, model.constraints[thing], clauses, branches)
+    return model.rooms[key]
 
 
 def cluster(particles: Particles, tally: MoveTally) -> None:
     """Move all that hangs together with one object, by distances up to a random one, by one step. Taken only where
     nothing else comes so near, so that the way back starts from the same cluster."""
-    machine, rng = particles.machine, particles.rng
-    if not machine.graph.choices:
+    model, rng = particles.model, particles.rng
+    if not model.graph.choices:
         return
-    free = machine.graph.rows
-    things = [thing for thing in particles.placed if row_of(thing, X) in free and row_of(thing, Y) in free]
-    if not 2 <= len(things) <= LARGEST:
+    free = model.graph.rows
+    things = [thing for thing in particles.placed_objects if row_of(thing, X) in free and row_of(thing, Y) in free]
+    if not 2 <= len(things) <= MAX_CLUSTER_OBJECTS:
         return
     x, y = (particles.scenes[[row_of(thing, axis) for thing in things]] for axis in PLACE)
-    width = float((machine.problem.highest - machine.problem.lowest)[row_of(things[0], X)])
-    reach = width * 2.0 ** -(1.0 + (SCALES - 1.0) * rng.random())
+    width = float((model.problem.highest - model.problem.lowest)[row_of(things[0], X)])
+    reach = width * 2.0 ** -(1.0 + (CLUSTER_SCALES - 1.0) * rng.random())
     near = (np.abs(x[:, None] - x) <= reach) & (np.abs(y[:, None] - y) <= reach)
     member = np.zeros((len(things), particles.count), dtype=bool)
     member[rng.integers(len(things))] = True
@@ -234,7 +220,7 @@ def cluster(particles: Particles, tally: MoveTally) -> None:
         if (more == member).all():
             break
         member = more
-    longest = width if rng.random() < FAR else 0.5 * width * 2.0 ** -(SCALES * rng.random())
+    longest = width if rng.random() < FAR_CLUSTER_SHARE else 0.5 * width * 2.0 ** -(CLUSTER_SCALES * rng.random())
     step = (2.0 * rng.random((2, particles.count)) - 1.0) * longest
     new_x, new_y = np.where(member, x + step[0], x), np.where(member, y + step[1], y)
     close = (np.abs(new_x[:, None] - new_x) <= reach) & (np.abs(new_y[:, None] - new_y) <= reach)
@@ -245,27 +231,26 @@ def cluster(particles: Particles, tally: MoveTally) -> None:
     attempt(particles, things, new, allowed, kind="cluster", tally=tally)
 
 
-LIFTS = ("redraw", "relocate")
-KINDS = (*LIFTS, "shift", "turn", "jump", "cluster")
-FINEST = 9  # step lengths go down to the box's over 2 to this power
-TRIES = 4  # places tried for an object, before a plan knows better
+LIFT_KINDS = ("redraw", "relocate")
+MOVE_KINDS = (*LIFT_KINDS, "shift", "turn", "jump", "cluster")
+DEFAULT_TRIES = 4  # places tried for an object, before a plan knows better
 REDRAWS = 0.25  # redraws of an object for each walk
 DEAR = 4.0  # times fewer of them where the room has to be contracted first
 JUMPS = 0.25  # jumps between the ways of a choice for each walk
 CLUSTERS = 6  # cluster moves in a sweep
 TRADES = 2  # trades of places for each object of a small class, with objects of others
-MOST_TRADES = 8  # of them in a sweep
+MAX_TRADES = 8  # of them in a sweep
 SHUFFLES = 0.25  # shuffles of all kin for each sweep
 SWAPS = 0.5  # swaps for each object that has kin
 
 
 @dataclass(frozen=True, slots=True)
 class MoveSettings:
-    """What a plan freezes: `steps[k]` (FINEST + 1,) are the odds of the step lengths of object k; `kinds` are the kinds
-    of move made besides walks: those of KINDS, `hop` (with carrying), `swap c` and `shuffle c` for class c of kin;
-    None: all but shuffles. `redraws` and `relocations` are how often an object, and all that hangs from it, is lifted
-    for each of its turns, and how many places are tried then; `jumps` is how often an object jumps between the ways of
-    a choice."""
+    """What a plan freezes: `steps[k]` (FINEST_STEP + 1,) are the odds of the step lengths of object k; `kinds` are the
+    kinds of move made besides walks: those of MOVE_KINDS, "hop" (both moves of supports), "swap c" and "shuffle c" for
+    class c of kin; None: all but shuffles. `redraws` and `relocations` are how often an object, and all that hangs from
+    it, is lifted for each of its turns, and how many places are tried then; `jumps` is how often an object jumps
+    between the ways of a choice."""
 
     steps: Mapping[int, Array]
     kinds: tuple[str, ...] | None = None
@@ -278,7 +263,7 @@ class MoveSettings:
 
     def odds(self, thing: int) -> Array:
         found = self.steps.get(thing)
-        return np.full(FINEST + 1, 1.0 / (FINEST + 1)) if found is None else found
+        return np.full(FINEST_STEP + 1, 1.0 / (FINEST_STEP + 1)) if found is None else found
 
 
 def sweep(
@@ -286,47 +271,48 @@ def sweep(
 ) -> float:
     """Every placed object gets its turn, or `most` of them; returns the mean share of scenes that took a walk."""
     tally = MoveTally() if tally is None else tally
-    machine, rng, placed = particles.machine, particles.rng, particles.placed
+    model, rng, placed = particles.model, particles.rng, particles.placed_objects
     taken = 0.0
-    hopping = [one for one in hops(machine) if settings.makes("hop") and ready(particles, one)]
+    hopping = [one for one in support_moves(model) if settings.makes("hop") and is_ready(particles, one)]
     hoppers = {one.thing for one in hopping if one.choice is not None}  # a hop redraws them, and needs no contraction
-    hoppers -= machine.graph.stands.keys()
+    hoppers -= model.graph.stands.keys()
     turns = rng.permutation(len(placed))[:most]
     for place in turns:
         thing = placed[place]
         taken += _walk(particles, thing, settings, tally)
-        room = machine.room(thing, particles.stage)
-        often, tries = settings.redraws.get(thing, (REDRAWS / DEAR if room.nodes else REDRAWS, TRIES))
+        room = model.room(thing, particles.stage)
+        often, tries = settings.redraws.get(thing, (REDRAWS / DEAR if room.nodes else REDRAWS, DEFAULT_TRIES))
         if settings.makes("redraw") and thing not in hoppers and rng.random() < often:
             reinsert(particles, thing, room, tries, tally)
-        group = [one for one in machine.groups[thing] if machine.at[one] <= particles.stage]
+        group = [one for one in model.groups[thing] if model.at[one] <= particles.stage]
         if len(group) > 1 and settings.makes("shift"):
             _shift(particles, thing, group, settings, tally)
         if len(group) > 1 and settings.makes("turn"):
             _turn(particles, thing, group, tally)
-        often, tries = settings.relocations.get(thing, (REDRAWS, TRIES))
+        often, tries = settings.relocations.get(thing, (REDRAWS, DEFAULT_TRIES))
         if len(group) > 1 and settings.makes("relocate") and rng.random() < often:
             relocate(particles, group, tries, tally)
-        if settings.makes("jump") and thing not in machine.graph.stands and rng.random() < settings.jumps:
+        if settings.makes("jump") and thing not in model.graph.stands and rng.random() < settings.jumps:
             jump(particles, thing, tally)
     if settings.makes("cluster"):
         for _ in range(CLUSTERS):
             cluster(particles, tally)
     for one in hopping:
-        hop(particles, one, tally)
-        carry(particles, one, tally)
-    for index, kin in enumerate(machine.kin):
-        here = [block for block in kin if all(machine.at[thing] <= particles.stage for thing in block)]
+        switch_support(particles, one, tally)
+        move_with_load(particles, one, tally)
+    for index, kin in enumerate(model.kin):
+        here = [block for block in kin if all(model.at[thing] <= particles.stage for thing in block)]
         if len(here) < 2:
             continue
         if settings.makes(f"shuffle {index}"):
             if rng.random() < SHUFFLES:
-                _shuffle(particles, here, f"shuffle {index}", tally)
+                order = rng.random((len(here), particles.count)).argsort(axis=0)
+                _trade(particles, here, order, f"shuffle {index}", tally)
         elif settings.makes(f"swap {index}"):
             for _ in range(max(1, int(min(len(here), len(turns)) * SWAPS))):
                 first, second = rng.choice(len(here), size=2, replace=False)
                 _swap(particles, here[first], here[second], f"swap {index}", tally)
-    for index, (few, others) in enumerate(machine.mixed):
+    for index, (few, others) in enumerate(model.mixed):
         kind = f"trade {index}"
         if settings.makes(kind):
             _trades(particles, few, others, kind, tally)
@@ -334,26 +320,26 @@ def sweep(
 
 
 def _walk(particles: Particles, thing: int, settings: MoveSettings, tally: MoveTally) -> float:
-    machine, rng = particles.machine, particles.rng
-    rows = [row for row in machine.touch[thing].rows if owner(row) == thing]  # its switch is left to hops
+    model, rng = particles.model, particles.rng
+    rows = [row for row in model.constraints[thing].rows if owner(row) == thing]  # its switch is left to hops
     if len(rows) == 3:  # place and heading together, or one of them
         which = rng.integers(4)
         rows = rows if which < 2 else rows[:2] if which == 2 else rows[2:]
-    power = int(rng.choice(FINEST + 1, p=settings.odds(thing)))
+    power = int(rng.choice(FINEST_STEP + 1, p=settings.odds(thing)))
     factor = 0.5 * 2.0 ** (-power + rng.random() - 0.5)
     new = {}
     for row in rows:
         width = _width(particles, row)
         new[row] = particles.scenes[row] + (2.0 * rng.random(particles.count) - 1.0) * (factor * width)
     share = float(attempt(particles, (thing,), new, kind="walk", tally=tally).mean())
-    table = tally.steps.setdefault(thing, np.zeros((2, FINEST + 1)))
+    table = tally.steps.setdefault(thing, np.zeros((2, FINEST_STEP + 1)))
     table[0, power] += 1.0
     table[1, power] += share
     return share
 
 
 def _width(particles: Particles, row: int) -> Array | float:
-    graph = particles.machine.graph
+    graph = particles.model.graph
     if graph.low.shape[1] == 1:
         return float(graph.high[row, 0] - graph.low[row, 0])
     width: Array = (graph.high[row] - graph.low[row])[particles.cell]
@@ -365,28 +351,23 @@ def _swap(particles: Particles, first: tuple[int, ...], second: tuple[int, ...],
     _trade(particles, [first, second], np.array([[1], [0]]), kind, tally)
 
 
-def _shuffle(particles: Particles, kin: Sequence[tuple[int, ...]], kind: str, tally: MoveTally) -> None:
-    """Blocks of one kind take each other's poses, in a random order for each scene."""
-    _trade(particles, kin, particles.rng.random((len(kin), particles.count)).argsort(axis=0), kind, tally)
-
-
 def _trades(particles: Particles, few: Sequence[int], others: Sequence[int], kind: str, tally: MoveTally) -> None:
     """Objects of a small class trade places with others of the same footprints."""
-    machine, rng = particles.machine, particles.rng
-    here = [thing for thing in few if machine.at[thing] <= particles.stage]
-    there = [thing for thing in others if machine.at[thing] <= particles.stage]
+    model, rng = particles.model, particles.rng
+    here = [thing for thing in few if model.at[thing] <= particles.stage]
+    there = [thing for thing in others if model.at[thing] <= particles.stage]
     if not here or not there:
         return
-    for _ in range(min(MOST_TRADES, TRADES * len(here))):
+    for _ in range(min(MAX_TRADES, TRADES * len(here))):
         _swap(particles, (here[rng.integers(len(here))],), (there[rng.integers(len(there))],), kind, tally)
 
 
 def _trade(particles: Particles, blocks: Sequence[tuple[int, ...]], order: Index, kind: str, tally: MoveTally) -> None:
     """Block i takes the poses of block order[i], (blocks, P) or (blocks, 1)."""
-    touch = particles.machine.touch
+    constraints = particles.model.constraints
     new: dict[int, Array] = {}
     for members in zip(*blocks, strict=True):
-        for rows in zip(*(touch[thing].rows for thing in members), strict=True):
+        for rows in zip(*(constraints[thing].rows for thing in members), strict=True):
             values = np.take_along_axis(particles.scenes[list(rows)], order, axis=0)
             new.update(zip(rows, values, strict=True))
     attempt(particles, [thing for block in blocks for thing in block], new, kind=kind, tally=tally)
@@ -395,13 +376,13 @@ def _trade(particles: Particles, blocks: Sequence[tuple[int, ...]], order: Index
 def _shift(particles: Particles, thing: int, group: Sequence[int], settings: MoveSettings, tally: MoveTally) -> None:
     """An object and all that hang from it by one step."""
     rng, count = particles.rng, particles.count
-    factor = 0.5 * 2.0 ** -(FINEST * rng.random())
+    factor = 0.5 * 2.0 ** -(FINEST_STEP * rng.random())
     new = {}
-    touch = particles.machine.touch
-    rows = [[row for one in group for row in touch[one].rows if row == row_of(one, axis)] for axis in PLACE]
+    constraints = particles.model.constraints
+    rows = [[row for one in group for row in constraints[one].rows if row == row_of(one, axis)] for axis in PLACE]
     for along in rows:
         if along:
-            width = float((particles.machine.problem.highest - particles.machine.problem.lowest)[along].min())
+            width = float((particles.model.problem.highest - particles.model.problem.lowest)[along].min())
             step = (2.0 * rng.random(count) - 1.0) * (factor * width)
             for row in along:
                 new[row] = particles.scenes[row] + step
@@ -410,13 +391,13 @@ def _shift(particles: Particles, thing: int, group: Sequence[int], settings: Mov
 
 def _turn(particles: Particles, thing: int, group: Sequence[int], tally: MoveTally) -> None:
     """All that hang from an object around it, headings included."""
-    machine, rng = particles.machine, particles.rng
+    model, rng = particles.model, particles.rng
     x, y = row_of(thing, X), row_of(thing, Y)
-    angle = (2.0 * rng.random(particles.count) - 1.0) * (np.pi * 2.0 ** -(FINEST * rng.random()))
+    angle = (2.0 * rng.random(particles.count) - 1.0) * (np.pi * 2.0 ** -(FINEST_STEP * rng.random()))
     cos, sin = np.cos(angle), np.sin(angle)
     new: dict[int, Array] = {}
     for one in group:
-        rows = machine.touch[one].rows
+        rows = model.constraints[one].rows
         if one != thing:
             if row_of(one, X) not in rows or row_of(one, Y) not in rows:
                 return
@@ -427,7 +408,7 @@ def _turn(particles: Particles, thing: int, group: Sequence[int], tally: MoveTal
             new[row_of(one, X)] = particles.scenes[x] + cos * dx - sin * dy
             new[row_of(one, Y)] = particles.scenes[y] + sin * dx + cos * dy
         if row_of(one, THETA) in rows:
-            if not machine.circular(row_of(one, THETA)):
+            if not model.is_circular(row_of(one, THETA)):
                 return
             new[row_of(one, THETA)] = particles.scenes[row_of(one, THETA)] + angle
     attempt(particles, tuple(group), new, kind="turn", tally=tally)

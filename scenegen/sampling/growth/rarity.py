@@ -22,32 +22,21 @@ from scenegen.lang.formula.core import REQUIRE, Junction
 from scenegen.lang.spec import CheckedSpec
 from scenegen.sampling.cells import cut
 from scenegen.sampling.growth.failure import GrowthFailed
-from scenegen.sampling.growth.graph import flat
-from scenegen.sampling.growth.machine import Machine, MoveTally, make_machine
+from scenegen.sampling.growth.graph import flat_args
+from scenegen.sampling.growth.model import GrowthModel, MoveTally, make_growth_model
 from scenegen.sampling.growth.moves import MoveSettings, sweep
-from scenegen.sampling.growth.population import Grown, PlacementFailed, explore, grow, tuned
+from scenegen.sampling.growth.population import Grown, PlacementFailed, Step, explore, grow, tuned_settings
 from scenegen.sampling.growth.sampler import log_base
 from scenegen.sampling.problem import Problem, make_problem
-from scenegen.sampling.rarity import (
-    AT_END,
-    MIN_HITS,
-    NEAR_END,
-    TAIL_ISLANDS,
-    PhiDistribution,
-    Rarity,
-    Tail,
-)
+from scenegen.sampling.rarity import AT_END, MIN_HITS, NEAR_END, TAIL_ISLANDS, PhiDistribution, Rarity, Tail
 from scenegen.sampling.report import Estimate, ratio
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.sampling.streams import GROWTH_RARITY_STREAM
 from scenegen.search.contract import push_down
 from scenegen.search.effort import Budget, StoppedError, TooMuchError
 
-# --------------------------------------------------------------------------------------------------------------------
-# Growth as an estimate: the probability of a range, and phi of scenes in it, from independent populations.
-
-
-SETTLE = 2  # sweeps over all objects after the last one is placed
-EXPLORED = 512  # scenes by which it is seen what a run needs
+SETTLE_SWEEPS = 2  # sweeps over all objects after the last one is placed
+EXPLORED_SCENES = 512  # scenes by which it is seen what a run needs
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +53,7 @@ class Islands:
 class NoRoom:
     """No scene was found: there was no room for some object, or (`stuck` is None) it took too much work."""
 
-    machine: Machine
+    model: GrowthModel
     stuck: PlacementFailed | None
     work: float
 
@@ -78,65 +67,53 @@ def grow_islands(
     formula nodes it may take. Raises StoppedError after `deadline`, by the monotonic clock.
     """
     assert problem.cells.count == 1
-    machine = make_machine(problem, deadline=deadline)
-    machine.most = most / len(problem.core.nodes)
+    model, nodes = make_growth_model(problem, deadline=deadline), len(problem.core.nodes)
+    model.most = most / nodes
+    tally, steps = MoveTally(), list[Step]()
     try:
-        return _grow_islands(problem, machine, islands, each, seed)
+        for many in (EXPLORED_SCENES, 4 * EXPLORED_SCENES):
+            number = np.arange(many)
+            found, steps = explore(model, np.zeros_like(number), number % 4, _generator(seed, 0), tally)
+            if isinstance(found, Grown):
+                break
+        if isinstance(found, PlacementFailed):
+            return NoRoom(model, found, model.work * nodes)
+        if not tally.steps:  # growing took no step: a few tell which lengths scenes take
+            sweep(found.particles, MoveSettings({}), tally)
+        settings = tuned_settings(tally)
+        rng = _generator(seed, 1)
+        number = np.arange(islands * each)
+        grown = grow(model, np.zeros_like(number), number % islands, steps, settings, rng)
+        if isinstance(grown, PlacementFailed):
+            return NoRoom(model, grown, model.work * nodes)
+        particles = grown.particles
+        for _ in range(SETTLE_SWEEPS):
+            sweep(particles, settings)
     except TooMuchError:
-        return NoRoom(machine, None, machine.work * len(problem.core.nodes))
-
-
-def _grow_islands(problem: Problem, machine: Machine, islands: int, each: int, seed: Sequence[int]) -> Islands | NoRoom:
-    nodes = len(problem.core.nodes)
-    tally = MoveTally()
-    for many in (EXPLORED, 4 * EXPLORED):
-        number = np.arange(many)
-        found, steps = explore(machine, np.zeros_like(number), number % 4, _generator(seed, 0), tally)
-        if isinstance(found, Grown):
-            break
-    else:
-        assert isinstance(found, PlacementFailed)
-        return NoRoom(machine, found, machine.work * nodes)
-    settings = _settings(found, tally)
-    rng = _generator(seed, 1)
-    number = np.arange(islands * each)
-    grown = grow(machine, np.zeros_like(number), number % islands, steps, settings, rng)
-    if isinstance(grown, PlacementFailed):
-        return NoRoom(machine, grown, machine.work * nodes)
-    particles = grown.particles
-    for _ in range(SETTLE):
-        sweep(particles, settings)
-    values = problem.phi(machine.complete(particles.scenes.copy(), rng))
+        return NoRoom(model, None, model.work * nodes)
+    values = problem.phi(model.complete(particles.scenes.copy(), rng))
     phi = np.full((islands, len(values), each), np.nan)
     for island in range(islands):
         mine = np.flatnonzero(particles.island == island)
         phi[island, :, : len(mine)] = values[:, mine]
-    return Islands((grown.log_share + log_base(machine))[:, 0], phi, machine.work * nodes)
-
-
-def _settings(found: Grown, tally: MoveTally) -> MoveSettings:
-    """The lengths of steps that scenes take; a few sweeps tell, where growing took none."""
-    if not tally.steps:
-        sweep(found.particles, MoveSettings({}), tally)
-    return tuned(tally)
+    return Islands((grown.log_share + log_base(model))[:, 0], phi, model.work * nodes)
 
 
 def _generator(seed: Sequence[int], part: int) -> np.random.Generator:
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence([*seed, part])))
 
 
-VAST = 7  # random stream of these runs
-EACH = 64  # scenes of an island
-REACHED = 16  # scenes that reach the next level
-EFFORT = 5e8  # visits of formula nodes by all tails together: about 5 s
-FIRST = 4e9  # the same for the scenes with which all tails begin
-FEWEST = 2  # runs of a tail that are afforded, if they take no more than the scenes that it begins with
-SATISFIED = 1e9  # visits of nodes for a run restricted to phi >= 0, where a tail's effort is too small for it
-GAP = 0.5  # share of a tail's effort after which a run is restricted to phi >= 0, if that was not reached
-WAYS = 64  # maximum alternatives of a disjunction to which growth can be restricted
+ISLAND_SCENES = 64  # scenes of an island
+LEVEL_SCENES = 16  # scenes that reach the next level
+TAIL_EFFORT = 5e8  # visits of formula nodes by all tails together: about 5 s
+FIRST_EFFORT = 4e9  # the same for the scenes with which all tails begin
+MIN_RUNS = 2  # runs of a tail that are afforded, if they take no more than the scenes that it begins with
+SATISFIED_EFFORT = 1e9  # visits of nodes for a run restricted to phi >= 0, where a tail's effort is too small for it
+GAP_SHARE = 0.5  # share of a tail's effort after which a run is restricted to phi >= 0, if that was not reached
+MAX_ALTERNATIVES = 64  # maximum alternatives of a disjunction to which growth can be restricted
 
 
-def measure_vast(
+def measure_by_growth(
     spec: CheckedSpec, labels: Sequence[str], seed: int = 0, *, up_only: bool = False, deadline: float = math.inf
 ) -> Rarity:
     """The results of `rarity.measure`; the same arguments give the same numbers. With `up_only`, the tails towards the
@@ -147,18 +124,19 @@ def measure_vast(
     """
     base = make_problem(spec, SampleRequest(n=1, seed=seed), Budget(deadline, started=0.0))
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
-        first = grow_islands(base, TAIL_ISLANDS, EACH, (seed, VAST), FIRST, deadline)
+        first = grow_islands(base, TAIL_ISLANDS, ISLAND_SCENES, (seed, GROWTH_RARITY_STREAM), FIRST_EFFORT, deadline)
         if isinstance(first, NoRoom):
-            raise GrowthFailed(first.machine, first.stuck, first.work / len(base.core.nodes)).error(base)
+            raise GrowthFailed(first.model, first.stuck, first.work / len(base.core.nodes)).error(base)
         work = 0.0
         reaches: dict[str, PhiDistribution] = {}
         for index, label in enumerate(labels):
             runs = [
-                _TailRuns(base, first, label, sign, (seed, VAST, 1 + index, 1 + sign), deadline) for sign in (1, -1)
+                _TailRuns(base, first, label, sign, (seed, GROWTH_RARITY_STREAM, 1 + index, 1 + sign), deadline)
+                for sign in (1, -1)
             ]
             for run in runs[:1] if up_only else runs:
                 waiting = len(labels) - index if up_only else 2 * (len(labels) - index) - (run.sign < 0)
-                run.descend(max((EFFORT - work) / waiting, FEWEST * first.work / len(labels)))
+                run.descend(max((TAIL_EFFORT - work) / waiting, MIN_RUNS * first.work / len(labels)))
                 work += run.work
             spent = sum(run.work for run in runs) / len(base.core.nodes)
             reaches[label] = PhiDistribution(runs[0].tail(), runs[1].tail(), int(spent))
@@ -207,51 +185,51 @@ class _TailRuns:
 
     def descend(self, effort: float) -> None:
         """Level by level towards the end, at a cost of about `effort` visits of nodes."""
-        if not self._can_be_held():
+        if not self._can_be_restricted():
             return
-        far = self.sign > 0 and not self._tells(0.0)  # phi >= 0 lies beyond what the last run met
+        far = self.sign > 0 and not self._has_scenes_beyond(0.0)  # phi >= 0 lies beyond what the last run met
         if far:
             self.middle = 0.0  # what counts as near to the top is then a share of what satisfies the label
-        while self.work + self._each() <= effort:
+        while self.work + self._cost_per_run() <= effort:
             last = self.stages[-1]
-            level = self._next(last)
+            level = self._next_level(last)
             if not far:
                 scale = self.end - self.middle
                 if level is None or self.end - level <= AT_END * scale or self.end - last.level <= NEAR_END * scale:
                     self.whole = True
                     return
-                if not self._hold(level, effort):
+                if not self._run_beyond(level, effort):
                     return
                 continue
-            quick = self.work + self._each() <= GAP * effort
-            going = quick and level is not None and self._hold(level, effort)
-            if not going and (self.work > effort or not self._hold(0.0, effort)):
+            quick = self.work + self._cost_per_run() <= GAP_SHARE * effort
+            going = quick and level is not None and self._run_beyond(level, effort)
+            if not going and (self.work > effort or not self._run_beyond(0.0, effort)):
                 break
-            far = not self._tells(0.0)
+            far = not self._has_scenes_beyond(0.0)
         if far and not self.held:  # what satisfies a label is what people ask for: it is worth more than a tail
-            self._hold(0.0, 0.5 * (self.work + SATISFIED))
+            self._run_beyond(0.0, 0.5 * (self.work + SATISFIED_EFFORT))
 
-    def _tells(self, phi: float) -> bool:
+    def _has_scenes_beyond(self, phi: float) -> bool:
         """Whether the last run found enough scenes beyond a value of phi."""
         return int((self.stages[-1].values >= self.sign * phi).sum()) >= MIN_HITS
 
-    def _each(self) -> float:
+    def _cost_per_run(self) -> float:
         """What a run takes."""
         return self.work / self.runs if self.runs else 0.0
 
-    def _next(self, stage: _TailStage) -> float | None:
+    def _next_level(self, stage: _TailStage) -> float | None:
         """The level that some scenes of a stage reach, or the next one where most of them share it; None where they
         have all reached the end."""
         values = np.sort(stage.values[np.isfinite(stage.values)])
         if not len(values):
             return None
-        level = float(values[max(0, len(values) - REACHED)])
+        level = float(values[max(0, len(values) - LEVEL_SCENES)])
         if level > stage.level and 2 * np.count_nonzero(values == level) <= len(values):
             return level if level < values[-1] else None
         above = values[values > level]
         return float(above[0]) if len(above) else None
 
-    def _hold(self, level: float, effort: float) -> bool:
+    def _run_beyond(self, level: float, effort: float) -> bool:
         """A run restricted to sign * phi >= level; False if it found nothing, if time is up, or if the tail took twice
         its effort."""
         if time.monotonic() > self.deadline:
@@ -259,10 +237,10 @@ class _TailRuns:
         self.runs += 1
         self.held |= level == 0.0
         ends = Range(level, None) if self.sign > 0 else Range(None, -level)
-        problem = _held(self.base, self.label, ends)
+        problem = _restrict(self.base, self.label, ends)
         try:
             most = 2.0 * effort - self.work
-            found = grow_islands(problem, TAIL_ISLANDS, EACH, (*self.seed, self.runs), most, self.deadline)
+            found = grow_islands(problem, TAIL_ISLANDS, ISLAND_SCENES, (*self.seed, self.runs), most, self.deadline)
         except StoppedError:
             return False
         self.work += found.work
@@ -277,19 +255,19 @@ class _TailRuns:
         values = np.sort(np.where(np.isnan(values), -np.inf, values), axis=1)
         return _TailStage(level, values, np.exp(found.log_share - self.origin))
 
-    def _can_be_held(self) -> bool:
+    def _can_be_restricted(self) -> bool:
         """Whether growth can be restricted to one end of phi: not to one of hundreds of alternatives."""
         core = self.base.core
         ends = (0.0, np.inf) if self.sign > 0 else (-np.inf, 0.0)
         for node, wanted in push_down(core, {core.labels[self.label]: ends}).items():
             top = core.nodes[node]
             loose = isinstance(top, Junction) and (top.kind == "max") == (wanted[0] > -np.inf)
-            if loose and len(flat(core, node)) > WAYS:
+            if loose and len(flat_args(core, node)) > MAX_ALTERNATIVES:
                 return False
         return True
 
 
-def _held(base: Problem, label: str, ends: Range) -> Problem:
+def _restrict(base: Problem, label: str, ends: Range) -> Problem:
     """The base problem with a range for one label, and no proof that it is empty."""
     request = replace(base.request, phi={label: ends})
     cells = cut(request, tuple(base.core.labels))

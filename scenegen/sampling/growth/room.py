@@ -19,15 +19,15 @@ import numpy as np
 from scenegen.arrays import Array, Bool, Index
 from scenegen.lang.formula.core import Coord, Junction, Node, restricted
 from scenegen.pose import THETA, TWO_PI, axis_of
-from scenegen.sampling.growth.graph import Clause, asked, flat
-from scenegen.sampling.growth.touch import Touch
+from scenegen.sampling.growth.constraints import ObjectConstraints
+from scenegen.sampling.growth.graph import Clause, demands_of, flat_args
 from scenegen.sampling.problem import Problem
 from scenegen.search.contract import CONTRACT_SLACK, contract, size_of
 from scenegen.search.effort import Effort
 from scenegen.search.surfaces import Stand, Step, step_for
 
-BRANCHES = 12  # branches of a room at most
-ROUNDS = 2  # of contraction: all other objects stand somewhere, so hardly anything comes of more
+MAX_BRANCHES = 12  # branches of a room at most
+ROOM_ROUNDS = 2  # of contraction: all other objects stand somewhere, so hardly anything comes of more
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,10 +67,7 @@ class Boxes:
         """The density of `draw_evenly` at poses (R, P), relative to that over the whole box: (P,)."""
         density = np.zeros(poses.shape[1])
         for branch, volume in enumerate(self.volumes):
-            inside = volume > 0.0
-            for row, low, width in zip(poses, self.low[:, branch], self.width[:, branch], strict=True):
-                inside &= (row >= low) & (row <= low + width)
-            density += np.where(inside, 1.0 / np.where(inside, volume, 1.0), 0.0)
+            density += np.where(self._holds(branch, poses), 1.0 / np.where(volume > 0.0, volume, 1.0), 0.0)
         out: Array = density / np.maximum((self.volumes > 0.0).sum(axis=0), 1)
         return out
 
@@ -79,32 +76,30 @@ class Boxes:
         no room."""
         total = self.volumes.sum(axis=0)
         if self.odds is None:
-            out: Array = self.holding(poses) * np.where(total > 0.0, 1.0 / np.where(total > 0.0, total, 1.0), 0.0)
+            out: Array = self.branches_with(poses) * np.where(total > 0.0, 1.0 / np.where(total > 0.0, total, 1.0), 0.0)
             return out
         found = np.zeros(poses.shape[1:])
-        for low, width, volume, odds in zip(
-            self.low.swapaxes(0, 1), self.width.swapaxes(0, 1), self.volumes, self.odds, strict=True
-        ):
+        for branch, (volume, odds) in enumerate(zip(self.volumes, self.odds, strict=True)):
             each = np.where(volume > 0.0, odds / np.where(volume > 0.0, volume, 1.0), 0.0)
-            if not each.any():
-                continue
-            inside = (poses[0] >= low[0]) & (poses[0] <= low[0] + width[0])
-            for row, least, wide in zip(poses[1:], low[1:], width[1:], strict=True):
-                inside &= (row >= least) & (row <= least + wide)
-            found += inside * each
+            if each.any():
+                found += self._holds(branch, poses) * each
         return found
 
-    def holding(self, poses: Array) -> Array:
+    def branches_with(self, poses: Array) -> Array:
         """How many of the branches that are not empty hold each pose: (R, ..., P) -> (..., P)."""
         if self.low.shape[1] == 1:
             return np.ones(poses.shape[1:])
         found = np.zeros(poses.shape[1:])
         for branch in range(self.low.shape[1]):
-            inside = np.broadcast_to(self.volumes[branch] > 0.0, poses.shape[1:]).copy()
-            for row, low, width in zip(poses, self.low[:, branch], self.width[:, branch], strict=True):
-                inside &= (row >= low) & (row <= low + width)
-            found += inside
+            found += self._holds(branch, poses)
         return found
+
+    def _holds(self, branch: int, poses: Array) -> Bool:
+        """Whether a branch that is not empty holds each pose: (R, ..., P) -> (..., P)."""
+        inside: Bool = np.broadcast_to(self.volumes[branch] > 0.0, poses.shape[1:]).copy()
+        for row, low, width in zip(poses, self.low[:, branch], self.width[:, branch], strict=True):
+            inside &= (row >= low) & (row <= low + width)
+        return inside
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +108,7 @@ class FreePoses:
     of the object's rows, `others` those of other objects' rows. `branches` say, for each branch, which half of the
     circle (-1: all of it) and which ends it adds."""
 
-    touch: Touch
+    constraints: ObjectConstraints
     clauses: tuple[Clause, ...]
     nodes: tuple[Node, ...]
     dims: tuple[int, ...]
@@ -124,7 +119,7 @@ class FreePoses:
 
     def boxes(self, scenes: Array, cell: Index, effort: Effort) -> Boxes:
         """The room in each of P scenes, `scenes` (3N, P), `cell` (P,). Raises what `effort` raises."""
-        graph, rows = self.touch.graph, list(self.touch.rows)
+        graph, rows = self.constraints.graph, list(self.constraints.rows)
         count, branches = scenes.shape[1], len(self.branches)
         base_low, base_high = graph.low[rows][:, cell], graph.high[rows][:, cell]
         full = np.prod(np.maximum(base_high - base_low, 1e-300), axis=0)
@@ -150,7 +145,7 @@ class FreePoses:
                 self._impose(clause, cell, lo[:, branch], hi[:, branch], slice(None))
         shape = (len(self.nodes), branches * count)
         lo, hi = lo.reshape(shape), hi.reshape(shape)
-        alive = contract(self.nodes, lo, hi, ROUNDS, effort=effort).reshape(branches, count)
+        alive = contract(self.nodes, lo, hi, ROOM_ROUNDS, effort=effort).reshape(branches, count)
         dims = list(self.dims)
         low, high = lo[dims].reshape(-1, branches, count), hi[dims].reshape(-1, branches, count)
         width = np.where(alive, np.maximum(high - low, 0.0), 0.0)
@@ -172,7 +167,7 @@ class FreePoses:
 
 def make_room(
     problem: Problem,
-    touch: Touch,
+    constraints: ObjectConstraints,
     clauses: Sequence[Clause],
     choice: Sequence[tuple[Clause, ...]] = (),
     *,
@@ -180,32 +175,34 @@ def make_room(
 ) -> FreePoses:
     """The room of an object under clauses whose other objects are placed, with a branch for each way of a `choice`; or
     one for each half of the circle of headings and each way of a choice, where it is to be `halved`."""
-    tape, rows = problem.tape, touch.rows
+    tape, rows = problem.tape, constraints.rows
     scale = size_of(problem.lowest, problem.highest)
     splits = [split for clause in clauses if len(split := _alternatives(problem, clause)) > 1]
     splits = [list(choice)] if choice else splits
-    turned = bool(rows) and axis_of(rows[-1]) == THETA and _whole_circle(touch, rows[-1]) and bool(clauses or choice)
+    turned = (
+        bool(rows)
+        and axis_of(rows[-1]) == THETA
+        and _is_whole_circle(constraints, rows[-1])
+        and bool(clauses or choice)
+    )
     halves = (0, 1) if turned and (halved or not choice) else (-1,)
-    while splits and not choice and math.prod(map(len, splits)) * len(halves) > BRANCHES:
+    while splits and not choice and math.prod(map(len, splits)) * len(halves) > MAX_BRANCHES:
         splits.pop(max(range(len(splits)), key=lambda place: len(splits[place])))
     branches = tuple(
         (half, tuple(clause for way in ways_ for clause in way))
         for half in halves
         for ways_ in itertools.product(*splits)
     )
-    imposed = [
-        *clauses,
-        *(clause for split in splits for way in split for clause in way),
-    ]
+    imposed = [*clauses, *(clause for split in splits for way in split for clause in way)]
     wanted = [tape.where[clause.node] for clause in imposed]
     if not wanted:
-        return FreePoses(touch, (), (), (), (), {}, ((-1, ()),), scale)
+        return FreePoses(constraints, (), (), (), (), {}, ((-1, ()),), scale)
     dims = [tape.rows[row] for row in rows]
     nodes, number = restricted(tape.nodes, [*wanted, *dims])
     mine = {number[node] for node in dims}
     others = [(place, node.row) for place, node in enumerate(nodes) if isinstance(node, Coord) and place not in mine]
     return FreePoses(
-        touch,
+        constraints,
         tuple(clauses),
         nodes,
         tuple(number[node] for node in dims),
@@ -216,8 +213,8 @@ def make_room(
     )
 
 
-def _whole_circle(touch: Touch, row: int) -> bool:
-    graph = touch.graph
+def _is_whole_circle(constraints: ObjectConstraints, row: int) -> bool:
+    graph = constraints.graph
     return bool((graph.high[row] - graph.low[row]).max() > 0.99 * TWO_PI)
 
 
@@ -226,21 +223,18 @@ def _alternatives(problem: Problem, clause: Clause) -> list[tuple[Clause, ...]]:
     core = problem.core
     if not isinstance(core.nodes[clause.node], Junction):
         return []
-    ways = (Clause(arg, clause.objects, clause.low, clause.high) for arg in flat(core, clause.node))
+    ways = (Clause(arg, clause.objects, clause.low, clause.high) for arg in flat_args(core, clause.node))
     return [
-        tuple(Clause(node, clause.objects, low, high) for node, (low, high) in asked(core, way).items()) for way in ways
+        tuple(Clause(node, clause.objects, low, high) for node, (low, high) in demands_of(core, way).items())
+        for way in ways
     ]
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Placing what stands on one of its surfaces, together with its switch: the places are drawn in the frame of what
-# carries it, all of them equally likely, so that tries are lost to other things alone.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfacePlaces:
-    """The places of an object on its surfaces in P scenes: `low`, `width` (R, P) is its box, `volumes` (1, P) the share
-    of it that the places take."""
+    """The places of an object on its surfaces in P scenes, drawn with its switch in the frame of what carries it, all
+    equally likely, so that tries are lost to other things alone: `low`, `width` (R, P) is its box, `volumes` (1, P) the
+    share of it that the places take."""
 
     step: Step
     rows: tuple[int, ...]
@@ -273,7 +267,7 @@ class SurfacePlaces:
 class SupportPoses:
     """The room of what stands. It has no `nodes` to contract, and one branch."""
 
-    touch: Touch
+    constraints: ObjectConstraints
     step: Step
 
     nodes: tuple[()] = ()
@@ -282,7 +276,7 @@ class SupportPoses:
     def boxes(self, scenes: Array, cell: Index, effort: Effort) -> SurfacePlaces:
         """Its places in each of P scenes, `scenes` (3N, P), `cell` (P,). Raises what `effort` raises."""
         effort.check()
-        graph, rows = self.touch.graph, self.touch.rows
+        graph, rows = self.constraints.graph, self.constraints.rows
         low, high = graph.low[list(rows)][:, cell], graph.high[list(rows)][:, cell]
         width = np.maximum(high - low, 1e-300)
         drawn = {*self.step.rows}
@@ -292,8 +286,8 @@ class SupportPoses:
         return SurfacePlaces(self.step, rows, scenes, low, width, share[None])
 
 
-def make_standing(stand: Stand, touch: Touch) -> SupportPoses | None:
+def make_support_poses(stand: Stand, constraints: ObjectConstraints) -> SupportPoses | None:
     """The places of what stands; None where it has none, or where not all of its rows are read."""
-    graph = touch.graph
+    graph = constraints.graph
     step = step_for(stand, lambda row: (float(graph.low[row].min()), float(graph.high[row].max())))
-    return SupportPoses(touch, step) if step is not None and {*step.rows} <= {*touch.rows} else None
+    return SupportPoses(constraints, step) if step is not None and {*step.rows} <= {*constraints.rows} else None

@@ -13,15 +13,16 @@ from scenegen.arrays import Array
 from scenegen.errors import Diagnostic
 from scenegen.errors.requests import SCENES_ALIKE
 from scenegen.lang.formula.core import REQUIRE
-from scenegen.sampling.growth.failure import GrowthFailed, too_full
-from scenegen.sampling.growth.machine import Machine, MoveTally, make_machine
+from scenegen.sampling.growth.failure import GrowthFailed
+from scenegen.sampling.growth.model import GrowthModel, MoveTally, make_growth_model
 from scenegen.sampling.growth.moves import MoveSettings, sweep
+from scenegen.sampling.growth.packing import packing_proof
 from scenegen.sampling.growth.population import (
-    FAMILIES,
     HITS,
-    ISLANDS,
-    KEPT,
-    SPARE,
+    MIN_ANCESTORS,
+    MIN_EVEN_SHARE,
+    PIECE_ISLANDS,
+    SPARE_SCENES,
     AncestorEffect,
     PlacementFailed,
     Population,
@@ -31,8 +32,8 @@ from scenegen.sampling.growth.population import (
     explore,
     grow,
     make_population,
-    spread_over,
-    take,
+    spread_scenes,
+    take_sample,
     wanted_scenes,
 )
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
@@ -48,49 +49,11 @@ from scenegen.search.effort import (
     TooMuchError,
 )
 
-# --------------------------------------------------------------------------------------------------------------------
-# The populations with which a plan of growth begins: the first is grown while the plan is made, the second is piece 1.
-
-
-LEAST, MOST = 512, 4096  # scenes of a population
-OF_A_CELL, FEWEST = 12, 5  # scenes of each cell of the range in an island, at least; and where few are wanted
-A_SCENE = 3.0  # so many for each that is wanted of the cell are enough
-NUMBERS = 1 << 22  # coordinates of a population at most
-WORTH = 8e4  # moving ones from which on a population costs about twice as much as half of it
-
-
-def first_population(
-    problem: Problem, budget: Budget, size: Size, longest: float = math.inf, *, larger: bool = False
-) -> tuple[Machine, Population] | GrowthFailed:
-    """The machine and the first population of a problem, in at most `longest` seconds, as the machine counts them."""
-    machine = None
-    try:
-        machine = make_machine(problem, deadline=budget.ends, loose=True)
-        proof = too_full(machine.graph, problem.spec)
-        if proof:
-            return GrowthFailed(machine, None, 0.0, proof)
-        machine.longest = longest
-        machine, made = _population(machine, size, 0, larger=larger)
-    except StoppedError:
-        return GrowthFailed(machine, None, 0.0 if machine is None else machine.work)
-    except TooMuchError:
-        return GrowthFailed(machine, None, 0.0 if machine is None else machine.work, dear=True)
-    machine.longest = math.inf
-    return GrowthFailed(machine, made, machine.work) if isinstance(made, PlacementFailed) else (machine, made)
-
-
-def second_population(problem: Problem, budget: Budget, size: Size) -> PopulationSample:
-    """The second population of a problem; without scenes where there was no room for them. Raises StoppedError with the
-    number of objects placed by then, if any could be."""
-    machine = make_machine(problem, deadline=budget.ends, loose=True)
-    try:
-        machine, made = _population(machine, replace(size, fewest=0.0), 1)
-    except StoppedError:
-        raise StoppedError(placed_of(machine, size.count)) from None
-    if isinstance(made, PlacementFailed) or made.taken is None:
-        none = np.empty((len(problem.lowest), 0)), np.full((ISLANDS, problem.cells.count), -np.inf)
-        return PopulationSample(*none, 0.0, 0.0, 0.0, machine.work, 0.0)
-    return made.taken
+MIN_POPULATION, MAX_POPULATION = 512, 4096  # scenes of a population
+CELL_SCENES, MIN_CELL_SCENES = 12, 5  # scenes of each cell in an island, at least; and where few are wanted
+ENOUGH_PER_SCENE = 3.0  # so many for each that is wanted of the cell are enough
+MAX_COORDINATES = 1 << 22  # coordinates of a population at most
+LARGE_COORDINATES = 8e4  # moving ones from which on a population costs about twice as much as half of it
 
 
 def generator(seed: int, piece: int) -> np.random.Generator:
@@ -99,30 +62,30 @@ def generator(seed: int, piece: int) -> np.random.Generator:
 
 
 def _population(
-    machine: Machine, size: Size, which: int, *, larger: bool = False
-) -> tuple[Machine, Population | PlacementFailed]:
-    """A population of the plan, and its machine: one that holds scenes in their cells where too many of a loose one's
+    model: GrowthModel, size: Size, which: int, *, larger: bool = False
+) -> tuple[GrowthModel, Population | PlacementFailed]:
+    """A population of the plan, and its model: one that holds scenes in their cells where too many of a loose one's
     have left them."""
-    problem = machine.problem
-    made = make_population(machine, size, _of_plan(problem.request.seed, which), larger=larger)
-    if isinstance(made, PlacementFailed) or machine.begin is None or made.share >= KEPT:
-        return machine, made
+    problem = model.problem
+    made = make_population(model, size, _plan_generator(problem.request.seed, which), larger=larger)
+    if isinstance(made, PlacementFailed) or model.begin is None or made.share >= MIN_EVEN_SHARE:
+        return model, made
     strict = replace(
-        make_machine(problem), work=machine.work, steps_done=machine.steps_done, drawn=machine.drawn,
-        deadline=machine.deadline, longest=machine.longest,
+        make_growth_model(problem), work=model.work, steps_done=model.steps_done, drawn=model.drawn,
+        deadline=model.deadline, longest=model.longest,
     )  # fmt: skip
-    return strict, make_population(strict, size, _of_plan(problem.request.seed, which), larger=larger)
+    return strict, make_population(strict, size, _plan_generator(problem.request.seed, which), larger=larger)
 
 
-def _of_plan(seed: int, which: int) -> np.random.Generator:
+def _plan_generator(seed: int, which: int) -> np.random.Generator:
     """Random numbers of the populations of a plan."""
     words = [seed, GROWTH_STREAM, 0, *([which] if which else [])]
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence(words)))
 
 
-def placed_of(machine: Machine, count: int) -> str:
+def progress_of(model: GrowthModel, count: int) -> str:
     """How far a piece of so many scenes got that time cut short: so many objects were placed."""
-    placed, objects = machine.furthest, len(machine.order)
+    placed, objects = model.furthest, len(model.order)
     if placed < objects:
         return f"the next {count:,} scenes had {placed} of {objects} objects when time was up"
     return f"the next {count:,} scenes had all {objects} objects when time was up, but were not ready"
@@ -131,35 +94,26 @@ def placed_of(machine: Machine, count: int) -> str:
 def size_of(problem: Problem, again: int = 0) -> Size:
     """How large the populations of a plan are, and how many."""
     n, rows, cells = problem.request.n, len(problem.lowest), len(problem.possible)
-    most = max(64, min(MOST, NUMBERS // rows))
-    of_a_cell = min(OF_A_CELL, max(FEWEST, math.ceil(A_SCENE * n / cells)))
-    least = max(LEAST, ISLANDS * of_a_cell * cells)
-    wanted = int(SPARE * n)
-    each = min(MOST // 2, wanted)  # half as many would cost nearly as much
+    most = max(64, min(MAX_POPULATION, MAX_COORDINATES // rows))
+    of_a_cell = min(CELL_SCENES, max(MIN_CELL_SCENES, math.ceil(ENOUGH_PER_SCENE * n / cells)))
+    least = max(MIN_POPULATION, PIECE_ISLANDS * of_a_cell * cells)
+    wanted = int(SPARE_SCENES * n)
+    each = min(MAX_POPULATION // 2, wanted)  # half as many would cost nearly as much
     half = wanted // 2
     moving = int((problem.lowest < problem.highest).sum())
-    two = half >= MOST // 2 or (half >= least and half * moving >= WORTH)
+    two = half >= MAX_POPULATION // 2 or (half >= least and half * moving >= LARGE_COORDINATES)
     count = min(most, max(least, min(each, half) if two else each))
-    return Size(count, most, again, 0.0 if again else FAMILIES / 2.0, n, 2 if two else 1)
+    return Size(count, most, again, 0.0 if again else MIN_ANCESTORS / 2.0, n, 2 if two else 1)
 
 
-def with_deadline(machine: Machine, deadline: float) -> Machine:
+def with_deadline(model: GrowthModel, deadline: float) -> GrowthModel:
     """The same with another deadline, and with its counts of work and of placed objects begun again."""
-    return replace(machine, work=0.0, steps_done=0, drawn=0.0, deadline=deadline, furthest=0)
+    return replace(model, work=0.0, steps_done=0, drawn=0.0, deadline=deadline, furthest=0)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The plan of a growth run: the order of the objects, how many poses are tried for each, which moves are made and how
-# many.
-#
-# A population is grown while planning; what it needed is written down and frozen, and pieces follow that. All of it
-# is counted in evaluations, never timed, so spec, request and seed fix the plan, and its pieces can run anywhere.
-# Large requests have two such populations that know nothing of each other: the second one is the second piece.
-
-
-SPARE_OF_ONE = 1.07  # scenes grown for each one wanted by further pieces of a single cell: see `population.LOST`
-EVEN = 0.75  # of that, for an even number of pieces
-AGAIN = 2  # times that a population is made larger
+SPARE_OF_ONE = 1.07  # scenes grown for each one wanted by further pieces of a single cell: see MAX_LOST_SHARE
+EVEN_PIECES = 0.75  # of that, for an even number of pieces
+MAX_ENLARGEMENTS = 2  # times that a population is made larger
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,59 +154,33 @@ class Recipe:
         return min(self.populations, math.ceil(scenes / max(each, 1.0))) + further
 
 
-def make_recipe(
-    problem: Problem, budget: Budget, *, patient: bool, longest: float = math.inf, larger: bool = False
-) -> tuple[Machine, Recipe] | GrowthFailed:
-    """The plan for a problem; GrowthFailed where there is no room for its objects, or time is up. Unless `patient`,
-    small populations must do: the design effect is infinite where few ancestors are left of the first one. `larger`:
-    that is known, so a larger one is grown at once."""
-    size = size_of(problem, AGAIN if patient else 0)
-    found = first_population(problem, budget, size, longest, larger=larger)
-    if isinstance(found, GrowthFailed):
-        return found
-    machine, made = found
-    return machine, _recipe(problem, machine, size, made)
-
-
-def _recipe(problem: Problem, machine: Machine, size: Size, made: Population) -> Recipe:
+def _recipe(problem: Problem, model: GrowthModel, size: Size, made: Population) -> Recipe:
     """What a population found out, for the pieces that follow."""
     cells, count = made.cells, made.count
     if made.settled is None or made.taken is None:
-        return Recipe(made.steps, made.settings, cells, count, 0, 1.0, np.inf, machine.work, np.inf, size)
+        return Recipe(made.steps, made.settings, cells, count, 0, 1.0, np.inf, model.work, np.inf, size)
     settled = made.settled
     there = size.populations * made.taken.even
-    spare = SPARE if len(cells) > 1 else SPARE_OF_ONE
+    spare = SPARE_SCENES if len(cells) > 1 else SPARE_OF_ONE
     left = max(0.0, wanted_scenes(cells, problem.request.n, spare) - there)
-    wanted = max(ISLANDS * OF_A_CELL * len(cells), int(np.ceil(settled.thin * left / made.share)))
+    wanted = max(PIECE_ISLANDS * CELL_SCENES * len(cells), int(np.ceil(settled.thin * left / made.share)))
     pieces = -(-wanted // size.most)  # of one size: a last one for a few scenes would cost as much
-    moving = len(machine.graph.rows)
-    if pieces % 2 and size.populations > 1 and wanted / (pieces + 1) * moving >= EVEN * WORTH:
+    moving = len(model.graph.rows)
+    if pieces % 2 and size.populations > 1 and wanted / (pieces + 1) * moving >= EVEN_PIECES * LARGE_COORDINATES:
         pieces += 1  # as many for each of two processes
-    each = max(count if count > size.count else LEAST // 2, -(-wanted // pieces))
+    each = max(count if count > size.count else MIN_POPULATION // 2, -(-wanted // pieces))
     whole = made.cost + settled.cost * settled.sweeps  # smaller pieces take fewer evaluations, but as many steps
     piece = whole * each / count
-    share = whole / machine.work if machine.work else 1.0  # no work: no clause is left to evaluate
-    around = GROWTH_STEP_SECONDS * machine.steps_done * share + DRAW_SECONDS * machine.drawn * share * each / count
+    share = whole / model.work if model.work else 1.0  # no work: no clause is left to evaluate
+    around = GROWTH_STEP_SECONDS * model.steps_done * share + DRAW_SECONDS * model.drawn * share * each / count
     return Recipe(
-        made.steps,
-        made.settings,
-        cells,
-        each,
-        settled.sweeps,
-        settled.thin,
-        settled.left,
-        machine.work,
-        piece,
-        size,
-        (made.taken,),
-        made.share,
-        (machine.seconds, GROWTH_SCORE_SECONDS * machine.each * piece + around),
-    )
+        made.steps, made.settings, cells, each, settled.sweeps, settled.thin, settled.taken_effect, model.work, piece,
+        size, (made.taken,), made.share, (model.seconds, GROWTH_SCORE_SECONDS * model.each * piece + around),
+    )  # fmt: skip
 
 
-FACTS = 11  # of a piece
-BARREN = 8  # pieces in a row that bring nothing new before a run ends
-LOW = 0.3  # effective share below which the user is warned
+GROWTH_FACTS = 11  # of a piece
+LOW_SHARE = 0.3  # effective share below which the user is warned
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -262,20 +190,20 @@ class Growth(Plan):
     lived, the share of walks taken, the share of scenes left out as copies, the design effect of common ancestors, and
     its evaluations."""
 
-    machine: Machine
+    model: GrowthModel
     recipe: Recipe
     budget: Budget
 
     method: ClassVar[str] = "growth"
-    patience: ClassVar[int] = BARREN
+    patience: ClassVar[int] = 8  # pieces in a row that bring nothing new
 
     @property
     def plan_digest(self) -> str:
         recipe = self.recipe
-        odds = {thing: recipe.settings.odds(thing) for thing in self.machine.order}
+        odds = {thing: recipe.settings.odds(thing) for thing in self.model.order}
         return digest(
             "growth",
-            self.machine.order,
+            self.model.order,
             recipe.steps,
             odds,
             recipe.settings.kinds,
@@ -293,7 +221,7 @@ class Growth(Plan):
 
     @property
     def fact_count(self) -> int:
-        return FACTS
+        return GROWTH_FACTS
 
     @property
     def scenes_per_piece(self) -> float:
@@ -316,61 +244,62 @@ class Growth(Plan):
         population, piece = recipe.seconds
         return population * (grown - 1) + piece * (pieces - grown)  # the first population is there
 
+    @np.errstate(all="ignore")  # phi may overflow or be undefined far from the range
     def draw(self, k: int) -> Piece:
         """Piece k. Raises StoppedError where time is up meanwhile: with the number of objects placed by then."""
-        with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range
-            return self._draw(k)
-
-    def _draw(self, k: int) -> Piece:
-        recipe = self.recipe
-        rng = generator(self.seed, k)
+        recipe, rng = self.recipe, generator(self.seed, k)
         if k < recipe.populations:
-            return self._of_population(k, rng)
-        machine = with_deadline(self.machine, self.budget.ends)
+            return self._population_piece(k, rng)
+        model = with_deadline(self.model, self.budget.ends)
         try:
-            return self._grow(machine, k, rng)
+            return self._grow(model, k, rng)
         except StoppedError as error:
-            raise StoppedError(placed_of(machine, recipe.count)) from error
+            raise StoppedError(progress_of(model, recipe.count)) from error
 
-    def _of_population(self, k: int, rng: np.random.Generator) -> Piece:
-        """One of the first pieces. The first one was grown while the plan was made."""
+    def _population_piece(self, k: int, rng: np.random.Generator) -> Piece:
+        """One of the first pieces. The first one was grown while the plan was made, the second one is grown here.
+        Raises StoppedError with the number of objects placed by then."""
         recipe = self.recipe
         if k < len(recipe.taken):
-            taken = recipe.taken[k]
+            taken: PopulationSample | None = recipe.taken[k]
+            work = recipe.evaluations
         else:
+            model = with_deadline(self.model, self.budget.ends)
             try:
-                taken = second_population(self.problem, self.budget, recipe.size)
+                model = make_growth_model(self.problem, deadline=self.budget.ends, loose=True)
+                used, made = _population(model, replace(recipe.size, fewest=0.0), 1)
             except StoppedError as error:
-                none = placed_of(with_deadline(self.machine, self.budget.ends), recipe.size.count)
-                raise StoppedError(error.how_far or none) from error
-        if not taken.count:
-            return self._nothing(taken.work)
-        return self._made(taken if k else replace(taken, work=0.0), rng)  # that of the first one is the plan's
+                raise StoppedError(progress_of(model, recipe.size.count)) from error
+            taken, work = None if isinstance(made, PlacementFailed) else made.taken, used.work
+        if taken is None or not taken.count:
+            return self._empty_piece(work)
+        return self._make_piece(taken if k else replace(taken, work=0.0), rng)  # that of the first one is the plan's
 
-    def _nothing(self, work: float) -> Piece:
+    def _empty_piece(self, work: float) -> Piece:
         """What a piece brings whose scenes have died out."""
         rows, phi = np.empty((len(self.problem.lowest), 0)), np.empty((len(self.problem.core.labels), 0))
-        facts = np.array([float(ISLANDS), *np.zeros(FACTS - 2), work])
+        facts = np.array([float(PIECE_ISLANDS), *np.zeros(GROWTH_FACTS - 2), work])
         return Piece(rows, phi, np.empty(0, dtype=np.intp), facts)
 
-    def _grow(self, machine: Machine, k: int, rng: np.random.Generator) -> Piece:
+    def _grow(self, model: GrowthModel, k: int, rng: np.random.Generator) -> Piece:
         recipe = self.recipe
-        grown = grow(machine, *spread_over(machine, recipe.cells, recipe.count), recipe.steps, recipe.settings, rng)
+        grown = grow(model, *spread_scenes(model, recipe.cells, recipe.count), recipe.steps, recipe.settings, rng)
         if isinstance(grown, PlacementFailed):
-            return self._nothing(machine.work)
+            return self._empty_piece(model.work)
         particles = grown.particles
         accepted = float(np.mean([sweep(particles, recipe.settings) for _ in range(recipe.settle)]))
-        return self._made(
-            take(grown, recipe.thin, AncestorEffect(machine)(particles), accepted, _aside(self.seed, k)), rng
+        return self._make_piece(
+            take_sample(grown, recipe.thin, AncestorEffect(model)(particles), accepted, _side_generator(self.seed, k)),
+            rng,
         )
 
-    def _made(self, taken: PopulationSample, rng: np.random.Generator) -> Piece:
+    def _make_piece(self, taken: PopulationSample, rng: np.random.Generator) -> Piece:
         """A piece of these scenes, in which rows that no clause reads are drawn afresh."""
-        rows = self.machine.complete(taken.scenes.copy(), rng)
+        rows = self.model.complete(taken.scenes.copy(), rng)
         phi = self.problem.phi(rows)
-        share = np.exp(taken.log_share + log_base(self.machine)).sum(axis=1)
+        share = np.exp(taken.log_share + log_base(self.model)).sum(axis=1)
         log = np.log(share[share > 0.0])
-        shares = float(ISLANDS), float(share.sum()), float((share * share).sum()), float(len(log))
+        shares = float(PIECE_ISLANDS), float(share.sum()), float((share * share).sum()), float(len(log))
         logs = float(log.sum()), float((log * log).sum()), 1.0
         facts = taken.accepted, taken.copies, taken.effect, taken.work
         return Piece(rows, phi, self.cells.find(phi), np.array([*shares, *logs, *facts]))
@@ -379,7 +308,7 @@ class Growth(Plan):
         """What the scene file says about the run, and what the user is warned of."""
         recipe = self.recipe
         islands, total, square, lived, log, log_square, alive, accepted, copies, effect, made = (
-            tally.facts or (0.0,) * FACTS
+            tally.facts or (0.0,) * GROWTH_FACTS
         )
         each = max(alive, 1.0)
         evaluations = int(recipe.evaluations + made)
@@ -388,7 +317,7 @@ class Growth(Plan):
             "method": "growth",
             "seed": self.seed,
             "candidates": evaluations,
-            "objects": len(self.machine.order),
+            "objects": len(self.model.order),
             "pieces": tally.pieces,
             "population": recipe.count,
             "sweeps": recipe.settle,
@@ -402,20 +331,39 @@ class Growth(Plan):
         if REQUIRE in self.problem.core.labels:
             info["probability_of"] = "range and requirement"
         warnings: tuple[Diagnostic, ...] = ()
-        if 0.0 < share < LOW:
+        if 0.0 < share < LOW_SHARE:
             warnings = (SCENES_ALIKE(share=share),)
         return Account(info, f"{evaluations:,} evaluations of growth", warnings)
 
 
+@np.errstate(all="ignore")
 def plan_growth(
     problem: Problem, budget: Budget, *, patient: bool = True, longest: float = math.inf, larger: bool = False
 ) -> Growth | GrowthFailed:
     """The plan of a problem; GrowthFailed where there is no room for some object, or time is up. Unless `patient`,
-    little is spent on it, and its design effect may be infinite: such a plan is not to be used. It takes at most
-    `longest` seconds, as a machine counts them. `larger`: see `make_recipe`."""
-    with np.errstate(all="ignore"):
-        made = make_recipe(problem, budget, patient=patient, longest=longest, larger=larger)
-    return made if isinstance(made, GrowthFailed) else Growth(problem, *made, budget)
+    small populations must do: the design effect is infinite where few ancestors are left of the first one, and such a
+    plan is not to be used. It takes at most `longest` seconds, as a model counts them. `larger`: it is known that a
+    small population leaves too few ancestors, so a larger one is grown at once.
+
+    A population is grown while planning; what it needed is written down and frozen, and pieces follow that. All of it
+    is counted in evaluations, never timed, so spec, request and seed fix the plan, and its pieces can run anywhere.
+    Large requests have two such populations that know nothing of each other: the second one is the second piece.
+    """
+    size = size_of(problem, MAX_ENLARGEMENTS if patient else 0)
+    model = None
+    try:
+        model = make_growth_model(problem, deadline=budget.ends, loose=True)
+        proof = packing_proof(model.graph, problem.spec)
+        if proof:
+            return GrowthFailed(model, None, 0.0, proof)
+        model.longest = longest
+        model, made = _population(model, size, 0, larger=larger)
+    except (StoppedError, TooMuchError) as error:
+        return GrowthFailed(model, None, 0.0 if model is None else model.work, dear=isinstance(error, TooMuchError))
+    model.longest = math.inf
+    if isinstance(made, PlacementFailed):
+        return GrowthFailed(model, made, model.work)
+    return Growth(problem, model, _recipe(problem, model, size, made), budget)
 
 
 def make_plan(problem: Problem, budget: Budget) -> Growth:
@@ -426,10 +374,10 @@ def make_plan(problem: Problem, budget: Budget) -> Growth:
     return plan
 
 
-def log_base(machine: Machine) -> Array:
+def log_base(model: GrowthModel) -> Array:
     """The natural logarithm of the probability of what contraction leaves to each cell, (C,), under the base
     distribution."""
-    graph, problem = machine.graph, machine.problem
+    graph, problem = model.graph, model.problem
     rows = sorted(graph.rows)
     width = (problem.highest - problem.lowest)[rows][:, None]
     with np.errstate(divide="ignore"):
@@ -437,48 +385,41 @@ def log_base(machine: Machine) -> Array:
     return out
 
 
-def _aside(seed: int, piece: int) -> np.random.Generator:
+def _side_generator(seed: int, piece: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([seed, GROWTH_STREAM, piece + 1, 1]))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# A few scenes of a request, soon: something to look at while a plan is made.
-#
-# One small population is grown for each of them, in a box that is contracted once, without the moves that make its
-# scenes differ and without any account of how they are distributed. They are in range, and no more than that. Where
-# none of the populations lives, larger ones are tried, with all that growth has.
+GLIMPSE_SIZES = (12, 96)  # scenes of a population: the larger one where none of the smaller ones lives
+GLIMPSE_HITS = 4.0  # poses that meet all clauses that a scene of the smaller one should have among its tries
+GLIMPSE_ROUNDS = 1  # of contraction
+GLIMPSE_STREAM = (GROWTH_STREAM, 0, 1)  # the stream of its random numbers: no plan reads it
 
 
-SIZES = (12, 96)  # scenes of a population: the larger one where none of the smaller ones lives
-QUICK = 4.0  # poses that meet all clauses that a scene of the smaller one should have among its tries
-ROUNDS = 1  # of contraction
-ASIDE = (GROWTH_STREAM, 0, 1)  # the stream of its random numbers: no plan reads it
+@np.errstate(all="ignore")  # phi may overflow or be undefined far from the range
+def glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int] = GLIMPSE_SIZES) -> Array:
+    """At most `count` scenes in the range of the request, (3N, m), of its first cells, its last, and some between:
+    something to look at while a plan is made; none where nothing is found soon.
 
-
-def glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int] = SIZES) -> Array:
-    """At most `count` scenes in the range of the request, (3N, m), of its first cells, its last, and some between; none
-    where nothing is found soon."""
+    One small population is grown for each of them, in a box that is contracted once, without the moves that make its
+    scenes differ and without any account of how they are distributed. They are in range, and no more than that. Where
+    none of the populations lives, larger ones are tried, with all that growth has.
+    """
     try:
-        with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range
-            return _glimpse(problem, budget, count, sizes)
+        model = make_growth_model(problem, rounds=GLIMPSE_ROUNDS, deadline=budget.ends)
+        possible = sorted(problem.possible)
+        cells = np.array([possible[round(k * (len(possible) - 1) / max(1, count - 1))] for k in range(count)])
+        rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, *GLIMPSE_STREAM]))
+        rows = np.empty((len(problem.lowest), 0))
+        for size in sizes:
+            island = np.repeat(np.arange(count), size)
+            quick = size < sizes[-1]
+            hits = GLIMPSE_HITS if quick else HITS
+            grown, _ = explore(model, cells[island], island, rng, MoveTally(), hits=hits, moves=not quick)
+            if not isinstance(grown, PlacementFailed):
+                _, first = np.unique(grown.particles.island, return_index=True)
+                rows = grown.particles.scenes[:, first].copy()
+                break
+        phi = problem.phi(model.complete(rows, rng))
+        return rows[:, ((phi >= problem.cells.low[:, None]) & (phi <= problem.cells.high[:, None])).all(axis=0)]
     except (StoppedError, TooMuchError):
         return np.empty((len(problem.lowest), 0))
-
-
-def _glimpse(problem: Problem, budget: Budget, count: int, sizes: Sequence[int]) -> Array:
-    machine = make_machine(problem, rounds=ROUNDS, deadline=budget.ends)
-    possible = sorted(problem.possible)
-    cells = np.array([possible[round(k * (len(possible) - 1) / max(1, count - 1))] for k in range(count)])
-    rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, *ASIDE]))
-    rows = np.empty((len(problem.lowest), 0))
-    for size in sizes:
-        island = np.repeat(np.arange(count), size)
-        quick = size < sizes[-1]
-        hits = QUICK if quick else HITS
-        grown, _ = explore(machine, cells[island], island, rng, MoveTally(), hits=hits, moves=not quick)
-        if not isinstance(grown, PlacementFailed):
-            _, first = np.unique(grown.particles.island, return_index=True)
-            rows = grown.particles.scenes[:, first].copy()
-            break
-    phi = problem.phi(machine.complete(rows, rng))
-    return rows[:, ((phi >= problem.cells.low[:, None]) & (phi <= problem.cells.high[:, None])).all(axis=0)]

@@ -17,14 +17,11 @@ from scenegen.geometry.footprint import measures
 from scenegen.lang.spec import CheckedSpec, SurfaceChoice, options_of
 from scenegen.pose import FLAT, PLACE, THETA, X, Y, row_of
 from scenegen.sampling.growth.insertion import attempt
-from scenegen.sampling.growth.machine import Machine, MoveTally, Particles
-
-# --------------------------------------------------------------------------------------------------------------------
-# What can move between surfaces, and what can come to stand on what, where supports are choices.
+from scenegen.sampling.growth.model import GrowthModel, MoveTally, Particles
 
 
 @dataclass(frozen=True, slots=True)
-class Hop:
+class SupportMove:
     """An object that a choice puts somewhere, or that carries what a choice puts there. `choice` is its own, where its
     surfaces lie apart; `boxes` (K, 4) then hold its centre on each of them: x, y of the middle and half the sizes, in
     the surface's frame. `riders` are all that can come to stand on it, what carries before what is carried."""
@@ -35,15 +32,15 @@ class Hop:
     boxes: tuple[tuple[float, float, float, float], ...] = ()
 
 
-def hops(machine: Machine) -> tuple[Hop, ...]:
+def support_moves(model: GrowthModel) -> tuple[SupportMove, ...]:
     """The hops of a request, worked out once."""
-    if "hops" not in machine.notes:
-        machine.notes["hops"] = _hops(machine.problem.spec, machine.at, machine.graph.rows)
-    known: tuple[Hop, ...] = machine.notes["hops"]
+    if "hops" not in model.notes:
+        model.notes["hops"] = _find_support_moves(model.problem.spec, model.at, model.graph.rows)
+    known: tuple[SupportMove, ...] = model.notes["hops"]
     return known
 
 
-def _hops(spec: CheckedSpec, free: Collection[int], rows: Collection[int]) -> tuple[Hop, ...]:
+def _find_support_moves(spec: CheckedSpec, free: Collection[int], rows: Collection[int]) -> tuple[SupportMove, ...]:
     options = [under for choice in spec.choices.values() for under in choice.options]
     carriers = {under.carrier for under in options if under.carrier is not None}
     found = []
@@ -61,7 +58,7 @@ def _hops(spec: CheckedSpec, free: Collection[int], rows: Collection[int]) -> tu
         upper = spec.shapes[thing].footprint
         own = () if choice is None else choice.options
         boxes = tuple(_box(upper if one.walled else None, one.outline) for one in own)
-        found.append(Hop(thing, riders, choice, boxes))
+        found.append(SupportMove(thing, riders, choice, boxes))
     return tuple(found)
 
 
@@ -94,25 +91,25 @@ def _box(upper: Footprint | None, outline: Footprint) -> tuple[float, float, flo
     return *middle, max((max(xs) - min(xs)) / 2.0 - inner, 0.0), max((max(ys) - min(ys)) / 2.0 - inner, 0.0)
 
 
-FINEST = 9.0  # steps of what is carried go down to the box's over 2 to this power
-KEPT = 0.5  # share of the hops in which an object keeps its heading against what carries it
+FINEST_STEP = 9  # step lengths go down to the box's over 2 to this power
+KEEP_HEADING_SHARE = 0.5  # share of the hops in which an object keeps its heading against what carries it
 
 
-def ready(particles: Particles, one: Hop) -> bool:
+def is_ready(particles: Particles, one: SupportMove) -> bool:
     """Whether a hop's object is placed, with its switch and all that it can stand on."""
     asked = {one.thing}
     if one.choice is not None:
         asked |= {one.choice.switch, *(under.carrier for under in one.choice.options if under.carrier is not None)}
-    return all(_placed(particles, thing) for thing in asked)
+    return all(_is_placed(particles, thing) for thing in asked)
 
 
-def hop(particles: Particles, one: Hop, tally: MoveTally) -> None:
+def switch_support(particles: Particles, one: SupportMove, tally: MoveTally) -> None:
     """Put an object on another surface, or elsewhere on its own: an independence move over the surfaces' boxes. Its
     heading is drawn as well, or stays the same against what carries it."""
     if one.choice is None:
         return
-    machine, rng, count, scenes = particles.machine, particles.rng, particles.count, particles.scenes
-    graph, column = machine.graph, np.arange(particles.count)
+    model, rng, count, scenes = particles.model, particles.rng, particles.count, particles.scenes
+    graph, column = model.graph, np.arange(particles.count)
     switch, (x, y, theta) = row_of(one.choice.switch, X), (row_of(one.thing, axis) for axis in FLAT)
     ends = np.array([0.0, *one.choice.ends])
     before, after = _option(one.choice, scenes[switch]), rng.integers(len(one.choice.ends), size=count)
@@ -120,35 +117,35 @@ def hop(particles: Particles, one: Hop, tally: MoveTally) -> None:
     (left, low, heading), boxes = _frames(particles, one.choice), np.array(one.boxes)
     middle, half = boxes[:, :2], boxes[:, 2:]
     place = middle[after].T + (2.0 * rng.random((2, count)) - 1.0) * half[after].T
-    u, v = _turned(place[0], place[1], heading[after, column])
-    old = _turned(scenes[x] - left[before, column], scenes[y] - low[before, column], -heading[before, column])
+    u, v = _rotate(place[0], place[1], heading[after, column])
+    old = _rotate(scenes[x] - left[before, column], scenes[y] - low[before, column], -heading[before, column])
     volume = half.prod(axis=1) * np.diff(ends)  # all surfaces are tried equally often, however large their share is
     allowed = rng.random(count) * volume[before] < volume[after]
     allowed &= (np.abs(np.array(old) - middle[before].T) <= half[before].T).all(axis=0)
     new = {switch: number, x: u + left[after, column], y: v + low[after, column]}
     if theta in graph.rows:
         kept = scenes[theta] + heading[after, column] - heading[before, column]
-        new[theta] = kept if rng.random() < KEPT else _anywhere(particles, theta)
-    _bring(particles, one, (one.thing, one.choice.switch), new, allowed, "hop", tally)
+        new[theta] = kept if rng.random() < KEEP_HEADING_SHARE else _random_row(particles, theta)
+    _move_load(particles, one, (one.thing, one.choice.switch), new, allowed, "hop", tally)
 
 
-def carry(particles: Particles, one: Hop, tally: MoveTally) -> None:
+def move_with_load(particles: Particles, one: SupportMove, tally: MoveTally) -> None:
     """Move an object by a random step, with all that stands on it."""
-    machine, rng, count, scenes = particles.machine, particles.rng, particles.count, particles.scenes
+    model, rng, count, scenes = particles.model, particles.rng, particles.count, particles.scenes
     if not one.riders:
         return
-    factor, new = 2.0 ** -(FINEST * rng.random()), {}
+    factor, new = 2.0 ** -(FINEST_STEP * rng.random()), {}
     for axis in FLAT if rng.random() < 0.5 else PLACE:
         row = row_of(one.thing, axis)
-        if row in machine.graph.rows:
-            width = float(machine.problem.highest[row] - machine.problem.lowest[row])
+        if row in model.graph.rows:
+            width = float(model.problem.highest[row] - model.problem.lowest[row])
             new[row] = scenes[row] + (rng.random(count) - 0.5) * (factor * width)
-    _bring(particles, one, (one.thing,), new, np.ones(count, dtype=bool), "carry", tally)
+    _move_load(particles, one, (one.thing,), new, np.ones(count, dtype=bool), "carry", tally)
 
 
-def _bring(
+def _move_load(
     particles: Particles,
-    one: Hop,
+    one: SupportMove,
     things: tuple[int, ...],
     new: dict[int, Array],
     allowed: Bool,
@@ -156,51 +153,51 @@ def _bring(
     tally: MoveTally,
 ) -> None:
     """Try an object's new pose, with what stands on it turned and moved along."""
-    scenes, rows = particles.scenes, particles.machine.graph.rows
+    scenes, rows = particles.scenes, particles.model.graph.rows
     x, y, theta = (row_of(one.thing, axis) for axis in FLAT)
     turn = new[theta] - scenes[theta] if theta in new else np.zeros(particles.count)
     riding: dict[int, Bool] = {one.thing: np.ones(particles.count, dtype=bool)}
     for rider in one.riders:
-        along = _along(particles, rider, riding)
+        along = _riding_scenes(particles, rider, riding)
         if along is None:
             continue
         riding[rider] = along
-        u, v = _turned(scenes[row_of(rider, X)] - scenes[x], scenes[row_of(rider, Y)] - scenes[y], turn)
+        u, v = _rotate(scenes[row_of(rider, X)] - scenes[x], scenes[row_of(rider, Y)] - scenes[y], turn)
         moved = (new[x] + u, new[y] + v, scenes[row_of(rider, THETA)] + turn)
         for axis, value in zip(FLAT, moved, strict=True):
             row = row_of(rider, axis)
             if row in rows:
                 new[row] = np.where(along, value, scenes[row])
-    touch = particles.machine.touch
-    things = tuple(thing for thing in things if thing in touch)  # a switch can be a part of its object
+    constraints = particles.model.constraints
+    things = tuple(thing for thing in things if thing in constraints)  # a switch can be a part of its object
     attempt(
         particles, (*things, *(rider for rider in riding if rider != one.thing)), new, allowed, kind=kind, tally=tally
     )
 
 
-def _along(particles: Particles, rider: int, riding: dict[int, Bool]) -> Bool | None:
+def _riding_scenes(particles: Particles, rider: int, riding: dict[int, Bool]) -> Bool | None:
     """In which scenes (P,) something stands on what moves; None where it is not placed yet, or cannot move."""
-    spec, rows = particles.machine.problem.spec, particles.machine.graph.rows
-    if not _placed(particles, rider) or not all(row_of(rider, axis) in rows for axis in PLACE):
+    spec, rows = particles.model.problem.spec, particles.model.graph.rows
+    if not _is_placed(particles, rider) or not all(row_of(rider, axis) in rows for axis in PLACE):
         return None
     never = np.zeros(particles.count, dtype=bool)
     choice = spec.choices.get(rider)
     if choice is None:
         return riding.get(spec.supports[rider].carrier)  # type: ignore[arg-type]
-    if not _placed(particles, choice.switch):
+    if not _is_placed(particles, choice.switch):
         return None
     on = np.array([riding.get(one.carrier, never) for one in choice.options])  # type: ignore[arg-type]
     out: Bool = on[_option(choice, particles.scenes[row_of(choice.switch, X)]), np.arange(particles.count)]
     return out
 
 
-def _placed(particles: Particles, thing: int) -> bool:
+def _is_placed(particles: Particles, thing: int) -> bool:
     """Also of what is held in place."""
-    return particles.machine.at.get(thing, -1) <= particles.stage
+    return particles.model.at.get(thing, -1) <= particles.stage
 
 
-def _anywhere(particles: Particles, row: int) -> Array:
-    low, high = particles.machine.graph.low[row], particles.machine.graph.high[row]
+def _random_row(particles: Particles, row: int) -> Array:
+    low, high = particles.model.graph.low[row], particles.model.graph.high[row]
     if len(low) > 1:
         low, high = low[particles.cell], high[particles.cell]
     out: Array = low + particles.rng.random(particles.count) * (high - low)
@@ -224,6 +221,6 @@ def _option(choice: SurfaceChoice, number: Array) -> Index:
     return np.minimum(np.searchsorted(np.array(choice.ends), number), len(choice.ends) - 1)
 
 
-def _turned(x: Array, y: Array, by: Array) -> tuple[Array, Array]:
+def _rotate(x: Array, y: Array, by: Array) -> tuple[Array, Array]:
     cos, sin = np.cos(by), np.sin(by)
     return cos * x - sin * y, sin * x + cos * y

@@ -40,20 +40,8 @@ def without_step_bounds(timed: Timed) -> Timed:
         return timed
     states, nodes = list(timed.state.nodes), list(timed.nodes)
     labels, roots = dict(timed.state.labels), list(timed.state.labels.values())
-    waiting, found = [timed.requirement], set[int]()
-    while waiting:
-        index = waiting.pop()
-        if index not in found:
-            found.add(index)
-            match nodes[index]:
-                case Junction("min", args):
-                    waiting += args
-                case Moment("steps", arg) | Window("min", arg, 0 | 1, _):
-                    waiting.append(arg)
-                case _:
-                    pass
     place = {index: index for index in range(len(nodes))}
-    for index in sorted(found):  # children before parents
+    for index in sorted(_required_nodes(timed)):  # children before parents
         node = nodes[index]
         match node:
             case Junction("min", args):
@@ -89,29 +77,32 @@ def _rest(timed: Timed, root: int) -> tuple[int, ...]:
     return tuple(dict.fromkeys(kept))
 
 
+def _required_nodes(timed: Timed) -> set[int]:
+    """The nodes over time of whose conjunction the requirement consists, at every moment; it is one of them."""
+    waiting, found = [] if timed.requirement is None else [timed.requirement], set[int]()
+    while waiting:
+        index = waiting.pop()
+        if index not in found:
+            found.add(index)
+            match timed.nodes[index]:
+                case Junction("min", args):
+                    waiting += args
+                case Moment("steps", arg) | Window("min", arg, 0 | 1, _):  # the first step leads to moment 1
+                    waiting.append(arg)
+    return found
+
+
 def _required_margins(timed: Timed) -> Iterator[int]:
     """The margins, nodes of the state core, of the atoms whose conjunction is required at every moment."""
-    waiting = [] if timed.requirement is None else [timed.requirement]
     roots = list(timed.state.labels.values())
-    states: list[int] = []
-    while waiting:
-        match timed.nodes[waiting.pop()]:
-            case Junction("min", args):
-                waiting += args
-            case Moment("steps", arg) | Window("min", arg, 0 | 1, _):  # the first step leads to moment 1
-                waiting.append(arg)
-            case Signal(place):
-                states.append(roots[place])
-            case _:
-                pass
+    required = (timed.nodes[index] for index in _required_nodes(timed))
+    states = [roots[node.place] for node in required if isinstance(node, Signal)]
     while states:
         match timed.state.nodes[states.pop()]:
             case Junction("min", args):
                 states += args
             case Atom(margin):
                 yield margin
-            case _:
-                pass
 
 
 def _bounds(core: Core, margin: int, count: int) -> list[tuple[int, bool, float]] | None:
@@ -155,24 +146,16 @@ def _bounds(core: Core, margin: int, count: int) -> list[tuple[int, bool, float]
 
 def _step(core: Core, index: int, count: int) -> tuple[int, bool] | None:
     """The object of which a number is the displacement in a step, or else (True) the turn."""
-    nodes = core.nodes
-    thing = None
-    match nodes[index]:
-        case Apply("dist", args) if len(args) == 4:
-            thing = _same_object(core, args[:2], args[2:], (X, Y), count)
-            return None if thing is None else (thing, False)
-        case Apply("abs", (arg,)):
-            match nodes[arg]:
-                case Apply("wrap", (difference,)):
-                    match nodes[difference]:
-                        case Apply("sub", (now, before)):
-                            thing = _same_object(core, (now,), (before,), (THETA,), count)
-                        case _:
-                            pass
-                case _:
-                    pass
-        case _:
-            pass
+    node = core.nodes[index]
+    if isinstance(node, Apply) and node.primitive == "dist" and len(node.args) == 4:
+        thing = _same_object(core, node.args[:2], node.args[2:], (X, Y), count)
+        return None if thing is None else (thing, False)
+    for primitive in ("abs", "wrap", "sub"):  # abs(wrap(now - before))
+        if not isinstance(node, Apply) or node.primitive != primitive:
+            return None
+        now, *before = node.args
+        node = core.nodes[now]
+    thing = _same_object(core, (now,), tuple(before), (THETA,), count)
     return None if thing is None else (thing, True)
 
 

@@ -13,13 +13,21 @@ from typing import Literal
 import numpy as np
 
 from scenegen.arrays import Array, Index
-from scenegen.sampling.motions.problem import Flags, MotionProblem, Variables, at_home, chosen, legal, unit_steps
+from scenegen.sampling.motions.problem import (
+    Flags,
+    MotionProblem,
+    Variables,
+    choose_step,
+    is_legal,
+    unit_steps,
+    wrap_inside,
+)
 
 Before = Literal["first", "step", "redrawn"]
 After = Literal["kept", "step", "redrawn"]
 
-RANGE = 2.5  # decades of the sizes of local changes; large ones are more often
-FIRST, LAST = 0.15, 0.25  # shares of the first and the last moment among those at which a group is looked for
+SHIFT_DECADES = 2.5  # decades of the sizes of local changes; large ones are more often
+FIRST_SHARE, LAST_SHARE = 0.15, 0.25  # of the first and the last moment among those at which a group is looked for
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +67,7 @@ def find_group(problem: MotionProblem, now: Variables, rng: np.random.Generator)
     """An object that can stand elsewhere, and some number of nearest ones: few more often."""
     count, steps = now.count, problem.steps
     moment, luck = rng.integers(steps + 1, size=count), rng.random(count)
-    moment = np.where(luck < FIRST, 0, np.where(luck > 1.0 - LAST, steps, moment))
+    moment = np.where(luck < FIRST_SHARE, 0, np.where(luck > 1.0 - LAST_SHARE, steps, moment))
     free: Flags = np.asarray((problem.highest > problem.lowest)[:, :2].any(axis=1))
     things, motion = np.flatnonzero(free), np.arange(count)
     seed = things[rng.integers(len(things), size=count)]
@@ -76,7 +84,7 @@ def find_group(problem: MotionProblem, now: Variables, rng: np.random.Generator)
 
 def _sizes(rng: np.random.Generator, count: int) -> Array:
     """A normal displacement of each motion, (2, P), in sizes of a wide range."""
-    size: Array = 10.0 ** (-RANGE * rng.random(count) ** 2) * rng.standard_normal((2, count))
+    size: Array = 10.0 ** (-SHIFT_DECADES * rng.random(count) ** 2) * rng.standard_normal((2, count))
     return size
 
 
@@ -125,7 +133,7 @@ def relocate(
     first[:, :2] += np.where(shifted[:, None], by, 0.0)
     if "redrawn" in (before, after):
         first -= _redraw(problem, now, group, unit, rng, before == "redrawn", after == "redrawn")
-    good &= at_home(problem, first)
+    good &= wrap_inside(problem, first)
     return Variables(first, now.mover, unit), good
 
 
@@ -145,20 +153,20 @@ def _by_steps(
     side = place < group.moment if early else place >= group.moment
     done, good = np.zeros(group.members.shape, dtype=bool), np.ones(count, dtype=bool)
     one = problem.moves == "one"
-    shared = None if one else chosen(side, rng)
+    shared = None if one else choose_step(side, rng)
     for slot, thing in enumerate(problem.movable.tolist()):
         who = np.flatnonzero(group.members[thing])
         if not len(who) or problem.radius[thing] == 0.0:
             continue
         if shared is None:
-            step, found = chosen(side[:, who] & (now.mover[:, who] == slot), rng)
+            step, found = choose_step(side[:, who] & (now.mover[:, who] == slot), rng)
         else:  # at the same time, so that they stay together
             step, found = shared[0][who], shared[1][who]
         step, who = step[found], who[found]
         where = 0 if one else slot
         for axis in range(2):
             unit[step, where, axis, who] += by[axis, who] / problem.radius[thing]
-        good[who] &= legal(unit[step, where, :, who].T)
+        good[who] &= is_legal(unit[step, where, :, who].T)
         done[thing, who] = True
     return done, good
 
@@ -175,8 +183,8 @@ def _redraw(
     """Redraws the members' steps until a time before the moment, and from a time after it. Returns how much farther
     they go before, (N, 3, P)."""
     steps, count = now.mover.shape
-    until = _some(rng, group.moment) if early else np.zeros_like(group.moment)
-    since = steps - (_some(rng, steps - group.moment) if late else np.zeros_like(group.moment))
+    until = _random_part(rng, group.moment) if early else np.zeros_like(group.moment)
+    since = steps - (_random_part(rng, steps - group.moment) if late else np.zeros_like(group.moment))
     place, one = np.arange(steps)[:, None], problem.moves == "one"
     window: Flags = np.asarray((place < until) | (place >= since))
     if one:
@@ -195,7 +203,7 @@ def _redraw(
     return ways
 
 
-def _some(rng: np.random.Generator, most: Index) -> Index:
+def _random_part(rng: np.random.Generator, most: Index) -> Index:
     """All of a number, half of the time; else any number up to it."""
     all_, some = rng.random(most.shape) < 0.5, np.floor(rng.random(most.shape) * (most + 1)).astype(np.intp)
     return np.where(all_, most, some)

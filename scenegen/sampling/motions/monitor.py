@@ -24,13 +24,11 @@ from scenegen.search import label_bounds
 from scenegen.search.effort import Effort
 from scenegen.search.tape import BatchedTape, make_batches
 
-# --------------------------------------------------------------------------------------------------------------------
-# Where objects can be some steps from now, and bounds of the state's formulas there.
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionLimits:
-    """Of a spec over time, with the limits of poses `lowest` and `highest`, (3N,)."""
+    """Where objects can be some steps from now, and bounds of the state's formulas there: of a spec over time, with the
+    limits of poses `lowest` and `highest`, (3N,)."""
 
     timed: Timed
     lowest: Array
@@ -75,7 +73,7 @@ class MotionLimits:
 
 
 LOW, HIGH = 0, 1
-EVERY = slice(None)
+ALL_MOTIONS = slice(None)
 
 Places = npt.NDArray[np.intp]
 
@@ -134,12 +132,12 @@ class BatchMonitor:
         self.seen[who] = 0
         self._signals[:, :, who] = self._far
 
-    def back(self, before: Array, who: Places | slice = EVERY) -> None:
+    def back(self, before: Array, who: Places | slice = ALL_MOTIONS) -> None:
         """Forget the last moment of motions, before which they were at `before`, (3N, K); another one follows."""
         self.seen[who] -= 1
         self._before[:, who] = before
 
-    def add(self, rows: Array, who: Places | slice = EVERY) -> None:
+    def add(self, rows: Array, who: Places | slice = ALL_MOTIONS) -> None:
         """The next moment of K motions, (3N, K)."""
         who = np.arange(self.count)[who]
         seen = self.seen[who]

@@ -2,6 +2,14 @@
 
 A change is made to every motion of a population at once. It returns the changed variables and which of them stayed
 within their sets; the others are refused. Sizes of local changes are drawn from a wide range, so nothing is tuned.
+
+Who comes from where, and who goes where, is a matter of order: small changes would have to lead objects past one
+another. An exchange is its own reverse and preserves volume, because all base variables are alike. What a spec wants at
+one moment, such as a meeting, leaves open where objects come from. Small changes walk around a meeting slowly; a turn
+of the whole way there about the meeting does it at once (like the pivot moves of chain molecules, Madras and Sokal
+1988). Turns and mirrors preserve volume, a turn is as probable as the one back, and a mirror is its own reverse. They
+leave all distances within the group, and of others from its seed, as they were at the moment by which it was found: the
+same group is found afterwards.
 """
 
 from __future__ import annotations
@@ -16,10 +24,15 @@ import numpy as np
 from scenegen.arrays import Array, Index
 from scenegen.pose import PLACE, THETA, TWO_PI, X, Y
 from scenegen.sampling.motions.groups import After, Before, find_group, relocate
-from scenegen.sampling.motions.problem import Flags, MotionProblem, Variables, at_home, chosen, legal, unit_steps
-
-# --------------------------------------------------------------------------------------------------------------------
-# Changes of the ways that objects go: redrawn, reflected or gone backwards, with ends that stay.
+from scenegen.sampling.motions.problem import (
+    Flags,
+    MotionProblem,
+    Variables,
+    choose_step,
+    is_legal,
+    unit_steps,
+    wrap_inside,
+)
 
 
 def segment(now: Variables, rng: np.random.Generator) -> Flags:
@@ -32,7 +45,7 @@ def segment(now: Variables, rng: np.random.Generator) -> Flags:
     return flags
 
 
-def _own(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Index, Flags]:
+def _own_steps(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Index, Flags]:
     """An object that can move (P,), by its slot, and its own steps (T, M, P)."""
     slots = np.arange(len(problem.movable))
     slot: Index = rng.integers(len(slots), size=now.count)
@@ -43,17 +56,25 @@ def _own(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tu
 
 def redraw_beginning(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """A window of steps is redrawn, with its movers; first poses make up for it, so that all later ones stay."""
-    steps, width, _, count = now.unit.shape
+    steps, count = now.mover.shape
     until = rng.integers(1, steps + 1, size=count)
     whole = rng.random(count) < 0.5
     window = np.where(whole, np.arange(steps)[:, None] < until, segment(now, rng))
-    unit = np.where(window[:, None, None], unit_steps(rng, steps, width, count), now.unit)
-    mover = now.mover
-    if problem.moves == "one":
-        mover = np.where(window, rng.integers(len(problem.movable), size=mover.shape), mover)
+    mover, unit = _redraw_window(problem, now, rng, window)
     first = now.first + ways(problem, now.mover, now.unit, window) - ways(problem, mover, unit, window)
-    good = at_home(problem, first)
+    good = wrap_inside(problem, first)
     return Variables(first, mover, unit), good
+
+
+def _redraw_window(
+    problem: MotionProblem, now: Variables, rng: np.random.Generator, window: Flags
+) -> tuple[Index, Array]:
+    """The movers and the steps, those of a window (T, P) drawn afresh."""
+    steps, width, _, count = now.unit.shape
+    unit = np.where(window[:, None, None], unit_steps(rng, steps, width, count), now.unit)
+    if problem.moves != "one":
+        return now.mover, unit
+    return np.where(window, rng.integers(len(problem.movable), size=now.mover.shape), now.mover), unit
 
 
 def ways(problem: MotionProblem, mover: Index, unit: Array, window: Flags) -> Array:
@@ -72,7 +93,7 @@ def redraw_pairs(problem: MotionProblem, now: Variables, rng: np.random.Generato
     """An object's steps in a window are put into pairs, and every pair is redrawn with the same sum: the ends of the
     way stay. A pair that cannot be is left as it was."""
     steps, width, _, count = now.unit.shape
-    _, own = _own(problem, now, rng)
+    _, own = _own_steps(problem, now, rng)
     flags = (own & segment(now, rng)[:, None]).reshape(steps * width, count)
     rows = now.unit.reshape(steps * width, 3, count)
     rank = np.where(flags, rng.random(flags.shape), 2.0)
@@ -83,7 +104,7 @@ def redraw_pairs(problem: MotionProblem, now: Variables, rng: np.random.Generato
     first, second = order[one, motion], order[one + 1, motion]
     total = rows[first, :, motion] + rows[second, :, motion]
     fresh = unit_steps(rng, len(one)).T
-    fine = legal((total - fresh).T)
+    fine = is_legal((total - fresh).T)
     unit = rows.copy()
     unit[first[fine], :, motion[fine]] = fresh[fine]
     unit[second[fine], :, motion[fine]] = (total - fresh)[fine]
@@ -94,7 +115,7 @@ def redraw_pairs(problem: MotionProblem, now: Variables, rng: np.random.Generato
 
 def reflect(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """An object's way in a window is reflected in the line through its ends."""
-    window = (_own(problem, now, rng)[1] & segment(now, rng)[:, None])[:, :, None]
+    window = (_own_steps(problem, now, rng)[1] & segment(now, rng)[:, None])[:, :, None]
     along = np.where(window, now.unit, 0.0).sum(axis=(0, 1))[: Y + 1]
     length = np.hypot(along[X], along[Y])
     along /= np.maximum(length, 1e-300)
@@ -107,7 +128,7 @@ def reflect(problem: MotionProblem, now: Variables, rng: np.random.Generator) ->
 
 def go_back(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """An object goes its whole way backwards: it starts where it ended."""
-    slot, own = _own(problem, now, rng)
+    slot, own = _own_steps(problem, now, rng)
     mine = own.any(axis=1)
     thing, motion = problem.movable[slot], np.arange(now.count)
     total = np.where(own[:, :, None], now.unit, 0.0).sum(axis=(0, 1)).T * problem.reach[thing]
@@ -117,15 +138,8 @@ def go_back(problem: MotionProblem, now: Variables, rng: np.random.Generator) ->
     unit = np.where(own[:, :, None], -np.take_along_axis(now.unit, source[:, None, None], axis=0), now.unit)
     first = now.first.copy()
     first[thing, :, motion] += total
-    good = at_home(problem, first)
+    good = wrap_inside(problem, first)
     return Variables(first, now.mover, unit), good
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Changes in which two objects exchange their ways.
-#
-# Who comes from where, and who goes where, is a matter of order: small changes would have to lead objects past one
-# another. An exchange is its own reverse and preserves volume, because all base variables are alike.
 
 
 Part = Literal["before", "after", "whole"]
@@ -147,11 +161,11 @@ def exchange_ways(
         mover = np.where(window & (now.mover == one), two, np.where(window & (now.mover == two), one, now.mover))
         unit = now.unit
     else:
-        mover, unit = now.mover, _exchanged(now, window, one, two)
+        mover, unit = now.mover, _swap_steps(now, window, one, two)
     first, good = now.first, np.ones(count, dtype=bool)
     if part == "before":
         first = first + (ways(problem, now.mover, now.unit, early) - ways(problem, mover, unit, early))
-        good = at_home(problem, first)
+        good = wrap_inside(problem, first)
     elif part == "whole":
         a, b = problem.movable[one], problem.movable[two]
         first = first.copy()
@@ -161,7 +175,7 @@ def exchange_ways(
     return Variables(first, mover, unit), good
 
 
-def _exchanged(now: Variables, window: Flags, one: Index, two: Index) -> Array:
+def _swap_steps(now: Variables, window: Flags, one: Index, two: Index) -> Array:
     """The steps, in which objects `one` and `two` (P,) have exchanged those in a window (T, P)."""
     order = np.broadcast_to(np.arange(now.unit.shape[1])[:, None], (now.unit.shape[1], now.count)).copy()
     motion = np.arange(now.count)
@@ -170,19 +184,10 @@ def _exchanged(now: Variables, window: Flags, one: Index, two: Index) -> Array:
     return np.where(window[:, None, None], exchanged, now.unit)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Changes that turn or mirror ways, like the pivot moves of chain molecules (Madras and Sokal 1988).
-#
-# What a spec wants at one moment, such as a meeting, leaves open where objects come from. Small changes walk around a
-# meeting slowly; a turn of the whole way there about the meeting does it at once. Turns and mirrors preserve volume,
-# a turn is as probable as the one back, and a mirror is its own reverse. They leave all distances within the group,
-# and of others from its seed, as they were at the moment by which it was found: the same group is found afterwards.
-
-
 Side = Literal["before", "after", "both"]
 
-RANGE = 2.5  # decades of the sizes of small turns
-ANY, SMALL, QUARTERS = 0.3, 0.3, 0.15  # shares of turns by any angle, small ones, quarter turns; the others mirror
+TURN_DECADES = 2.5  # decades of the sizes of small turns
+ANY_ANGLE_SHARE, SMALL_TURN_SHARE, QUARTER_TURN_SHARE = 0.3, 0.3, 0.15  # of turns; the others mirror
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,10 +212,10 @@ class _Turns:
 def _turns(rng: np.random.Generator, count: int) -> _Turns:
     kind, mirrors = rng.random(count), rng.random(count)
     angle = TWO_PI * rng.random(count)
-    small = 0.5 * TWO_PI * 10.0 ** (-RANGE * rng.random(count)) * rng.standard_normal(count)
+    small = 0.5 * TWO_PI * 10.0 ** (-TURN_DECADES * rng.random(count)) * rng.standard_normal(count)
     quarter = 0.25 * TWO_PI * rng.integers(4, size=count)
-    turn = np.where(kind < ANY, angle, np.where(kind < ANY + SMALL, small, quarter))
-    mirrored = kind >= ANY + SMALL + QUARTERS
+    turn = np.where(kind < ANY_ANGLE_SHARE, angle, np.where(kind < ANY_ANGLE_SHARE + SMALL_TURN_SHARE, small, quarter))
+    mirrored = kind >= ANY_ANGLE_SHARE + SMALL_TURN_SHARE + QUARTER_TURN_SHARE
     line = np.where(mirrors < 0.5, np.where(mirrors < 0.25, 0.0, 0.5 * TWO_PI), angle)  # most specs know the axes
     return _Turns(np.where(mirrored, line, turn), mirrored)
 
@@ -247,15 +252,11 @@ def swing(problem: MotionProblem, now: Variables, rng: np.random.Generator, *, s
         np.negative(unit[:, :, THETA], out=unit[:, :, THETA], where=turning)
     fixed: Flags = np.asarray((problem.highest <= problem.lowest)[:, : Y + 1].any(axis=1))
     good: Flags = np.asarray(~(group.members & fixed[:, None]).any(axis=0))
-    good &= at_home(problem, first)
+    good &= wrap_inside(problem, first)
     return Variables(first, now.mover, unit), good
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Changes of who moves when, where one object moves in each step.
-
-
-SHIFTS, STARTS, STEPS = range(3)  # what makes up for a step that comes or goes: nothing, the first pose, another step
+SHIFT_REST, MOVE_START, USE_STEP = range(3)  # what makes up for a step: nothing, the first pose, another step
 
 
 def retime(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
@@ -268,7 +269,8 @@ def retime(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> 
     old, new = (np.argsort(one, axis=0, kind="stable") for one in (now.mover, mover))
     source = np.empty_like(old)
     np.put_along_axis(source, new, old, axis=0)
-    return Variables(now.first, mover, np.take_along_axis(now.unit, source[:, None, None], axis=0)), _all(count)
+    unit = np.take_along_axis(now.unit, source[:, None, None], axis=0)
+    return Variables(now.first, mover, unit), np.ones(count, dtype=bool)
 
 
 def hand_over(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
@@ -284,16 +286,16 @@ def hand_over(problem: MotionProblem, now: Variables, rng: np.random.Generator) 
     good = giver != taker
     for who, by in ((giver, now.unit[step, 0, :, motion]), (taker, -fresh)):
         how, thing = rng.integers(3, size=count), problem.movable[who]
-        starts = how == STARTS
+        starts = how == MOVE_START
         first[thing[starts], :, motion[starts]] += (by * problem.reach[thing])[starts]
         other, found = other_step(now, step, who, rng)
-        good &= (how != STEPS) | found
-        some = np.flatnonzero((how == STEPS) & found)
+        good &= (how != USE_STEP) | found
+        some = np.flatnonzero((how == USE_STEP) & found)
         unit[other[some], 0, :, some] += by[some]
-        good[some] &= legal(unit[other[some], 0, :, some].T)
+        good[some] &= is_legal(unit[other[some], 0, :, some].T)
     unit[step, 0, :, motion] = fresh
     mover[step, motion] = taker
-    good &= at_home(problem, first)
+    good &= wrap_inside(problem, first)
     return Variables(first, mover, unit), good
 
 
@@ -301,29 +303,25 @@ def other_step(now: Variables, step: Index, who: Index, rng: np.random.Generator
     """A step of object `who` (P,) other than `step` (P,), chosen uniformly, and whether there is one."""
     flags = now.mover == who
     flags[step, np.arange(now.count)] = False
-    return chosen(flags, rng)
-
-
-def _all(count: int) -> Flags:
-    return np.ones(count, dtype=bool)
+    return choose_step(flags, rng)
 
 
 Change = Callable[[MotionProblem, Variables, np.random.Generator], tuple[Variables, Flags]]
 
-WAYS: tuple[tuple[Before, After], ...] = (
+RELOCATIONS: tuple[tuple[Before, After], ...] = (
     ("first", "kept"), ("redrawn", "kept"), ("step", "kept"), ("first", "redrawn"), ("redrawn", "redrawn"),
     ("first", "step"), ("step", "step"),
 )  # fmt: skip
 
-SIDES: tuple[Side, ...] = ("before", "after", "both")
-PARTS: tuple[Part, ...] = ("before", "after", "whole")
+SWING_SIDES: tuple[Side, ...] = ("before", "after", "both")
+EXCHANGED_PARTS: tuple[Part, ...] = ("before", "after", "whole")
 
-SMALLEST, LARGEST = -2.5, 0.0  # log10 of the sizes of local changes, in units of the whole set
+MIN_LOG_SIZE, MAX_LOG_SIZE = -2.5, 0.0  # log10 of the sizes of local changes, in units of the whole set
 
 
 def _sizes(rng: np.random.Generator, count: int) -> Array:
     """Local changes, (P, 3): normal, with a size of their own each."""
-    size = 10.0 ** rng.uniform(SMALLEST, LARGEST, (count, 1))
+    size = 10.0 ** rng.uniform(MIN_LOG_SIZE, MAX_LOG_SIZE, (count, 1))
     return size * rng.standard_normal((count, 3))
 
 
@@ -348,7 +346,7 @@ def _set(unit: Array, here: Here, value: Array) -> Flags:
     """Replace it; returns which are legal."""
     step, slot, motion = here
     unit[step, slot, :, motion] = value
-    return legal(value.T)
+    return is_legal(value.T)
 
 
 def shift_step(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
@@ -370,21 +368,16 @@ def redraw_step(problem: MotionProblem, now: Variables, rng: np.random.Generator
 
 def redraw_segment(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """Redraw a window of steps."""
-    window = segment(now, rng)
-    steps, width, _, count = now.unit.shape
-    unit = np.where(window[:, None, None], unit_steps(rng, steps, width, count), now.unit)
-    mover = now.mover
-    if problem.moves == "one":
-        mover = np.where(window, rng.integers(len(problem.movable), size=mover.shape), mover)
-    return Variables(now.first, mover, unit), np.ones(count, dtype=bool)
+    mover, unit = _redraw_window(problem, now, rng, segment(now, rng))
+    return Variables(now.first, mover, unit), np.ones(now.count, dtype=bool)
 
 
 def shift_segment(problem: MotionProblem, now: Variables, rng: np.random.Generator) -> tuple[Variables, Flags]:
     """A window of steps, each a little different."""
     window = segment(now, rng)[:, None, None]
-    size = 10.0 ** rng.uniform(SMALLEST, LARGEST, now.count)
+    size = 10.0 ** rng.uniform(MIN_LOG_SIZE, MAX_LOG_SIZE, now.count)
     unit = np.where(window, now.unit + size * rng.standard_normal(now.unit.shape), now.unit)
-    good: Flags = np.asarray(legal(unit).all(axis=(0, 1)))
+    good: Flags = np.asarray(is_legal(unit).all(axis=(0, 1)))
     return Variables(now.first, now.mover, unit), good
 
 
@@ -478,10 +471,10 @@ def changes(problem: MotionProblem) -> tuple[Change, ...]:
     made += (shift_step, redraw_step, redraw_segment, shift_segment, exchange_steps, reverse_segment, shift_start)
     made += (transfer, redraw_beginning, redraw_pairs, reflect, go_back)
     if (problem.highest > problem.lowest)[:, PLACE].any():
-        made += tuple(partial(relocate, before=before, after=after) for before, after in WAYS)
-        made += tuple(partial(swing, side=side) for side in SIDES)
+        made += tuple(partial(relocate, before=before, after=after) for before, after in RELOCATIONS)
+        made += tuple(partial(swing, side=side) for side in SWING_SIDES)
     if len(problem.movable) > 1:
-        made += tuple(partial(exchange_ways, part=part) for part in PARTS)
+        made += tuple(partial(exchange_ways, part=part) for part in EXCHANGED_PARTS)
     if problem.moves == "one" and len(problem.movable) > 1:
         made += (retime, hand_over)
     return made

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -18,25 +18,18 @@ from scenegen.sampling.rarity import cost as state_cost
 from scenegen.sampling.request import FixedPose, SampleRequest
 from scenegen.search.effort import NEVER, Stop
 
+if TYPE_CHECKING:
+    from scenegen.sampling.motions.scores import LeanScores
+
 Flags = npt.NDArray[np.bool_]
 Score = Callable[[Array], Array]
 Moves = Literal["one", "all"]
 
 
-class LeanScore(Protocol):
-    """Scores in two stages, for motions whose steps are within their bounds."""
+MAX_MOTION_NUMBERS = 1 << 22  # of motions at once: 32 MB, and each population has a few such arrays
+WORK_BETWEEN_CHECKS = 1 << 26  # of phi between two looks at the time: a fraction of a second
 
-    def of_labels(self, poses: Array) -> Array:
-        """phi of every label, (N, 3, steps + 1, B) -> (L, B)."""
-
-    def of_requirement(self, poses: Array, signs: bool) -> Array:
-        """The requirement's margin, (B,); where it is positive, or with `signs`, only its sign counts."""
-
-
-NUMBERS = 1 << 22  # of motions at once: 32 MB, and each population has a few such arrays
-WORK = 1 << 26  # of phi between two looks at the time: a fraction of a second
-
-STATES = 1 << 16  # states that chains score at a time, which stay in cache
+MAX_STATES_AT_ONCE = 1 << 16  # states that chains score at a time, which stay in cache
 
 GATES = ("(require)", "(limits)")  # two more rows of scores, at least 0 in every motion that counts
 REQUIRED, ROOM = -2, -1  # the rows of these
@@ -72,7 +65,7 @@ class MotionProblem:
     moves: Moves = "one"
     dt: float = 1.0
     cost: int = 0
-    lean: LeanScore | None = None
+    lean: LeanScores | None = None
     log_excess: float = 0.0
     spec: CheckedSpec | None = None
     warnings: tuple[Diagnostic, ...] = ()
@@ -131,16 +124,16 @@ class MotionProblem:
                 np.minimum(least, self.highest[thing, axis] - place.max(axis=0), out=least)
         return least
 
-    def at_once(self, wanted: int, fewest: int) -> int:
+    def batch_size(self, wanted: int, fewest: int) -> int:
         """How many motions to work on together: `wanted`, or less of large ones, so that they stay in memory and time
         limits are kept; at least `fewest`."""
-        return min(wanted, max(fewest, min(NUMBERS // self.rows, WORK // max(1, self.cost))))
+        return min(wanted, max(fewest, min(MAX_MOTION_NUMBERS // self.rows, WORK_BETWEEN_CHECKS // max(1, self.cost))))
 
     def scores(self, poses: Array, stop: Stop = NEVER) -> Array:
         """phi of all labels, the requirement and the room, (N, 3, steps + 1, B) -> (L + 2, B). Raises what `stop`
         raises, which is asked again and again where this takes long."""
         count = poses.shape[-1]
-        some = max(1, WORK // max(1, self.cost))
+        some = max(1, WORK_BETWEEN_CHECKS // max(1, self.cost))
         out = np.empty((len(self.labels) + len(GATES), count))
         for start in range(0, count, some):
             if start:
@@ -157,11 +150,11 @@ class MotionProblem:
         count = poses.shape[-1]
         if self.lean is None:
             scores = self.scores(poses, stop)
-            return _within(scores, low, high), scores
+            return _in_range(scores, low, high), scores
         scores = np.zeros((len(self.labels) + len(GATES), count))
         scores[ROOM] = self.room(poses)
-        held = _within(scores[ROOM:], low[ROOM:], high[ROOM:])
-        some = max(1, min(WORK // max(1, self.cost), STATES // (self.steps + 1)))
+        held = _in_range(scores[ROOM:], low[ROOM:], high[ROOM:])
+        some = max(1, min(WORK_BETWEEN_CHECKS // max(1, self.cost), MAX_STATES_AT_ONCE // (self.steps + 1)))
         for start in range(0, count, some):
             if start:
                 stop.check()
@@ -170,29 +163,25 @@ class MotionProblem:
                 continue
             part = poses if len(index) == count else poses.take(index, axis=-1)
             phi = self.lean.of_labels(part)
-            good = _within(phi, low[:REQUIRED], high[:REQUIRED])
+            good = _in_range(phi, low[:REQUIRED], high[:REQUIRED])
             scores[:REQUIRED, index] = phi
             if good.any():
                 part = part if good.all() else part.compress(good, axis=-1)
                 margin = self.lean.of_requirement(part, bool(low[REQUIRED] >= 0.0))
                 scores[REQUIRED, index[good]] = margin
-                good[good] = _within(margin[None], low[REQUIRED:ROOM], high[REQUIRED:ROOM])
+                good[good] = _in_range(margin[None], low[REQUIRED:ROOM], high[REQUIRED:ROOM])
             held[index] = good
         return held, scores
 
 
-def _within(scores: Array, low: Array, high: Array) -> Flags:
+def _in_range(scores: Array, low: Array, high: Array) -> Flags:
     """Which columns of scores (L, B) are within; NaN is not, where anything is asked for."""
     anything = np.isneginf(low) & np.isposinf(high)
     inside = (scores >= low[:, None]) & (scores <= high[:, None]) | anything[:, None]
     return np.asarray(inside.all(axis=0))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What phi of a motion costs.
-
-
-SHARED = 6  # shapes cost less than in single scenes: a batch has all moments of a motion
+SHAPE_SAVING = 6  # shapes cost less than in single scenes: a batch has all moments of a motion
 
 
 def cost(spec: CheckedSpec) -> int:
@@ -200,24 +189,21 @@ def cost(spec: CheckedSpec) -> int:
     timed = spec.timed
     assert timed is not None
     plain = len(timed.state.nodes)
-    shaped = (state_cost(timed.state) - plain) // SHARED
+    shaped = (state_cost(timed.state) - plain) // SHAPE_SAVING
     return (plain + shaped + len(timed.nodes) + 8 * len(timed.objects)) * timed.horizon.moments
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The base variables of motions: what is drawn, and the poses that follow from it.
-#
-# All are independent and uniform: the first scene over its box, the mover of each step, its displacement over the
-# unit disc and its turn over -1 to 1, both in units of the mover's reach. So every change that keeps these variables
-# within their sets, and is as probable as its reverse, leaves the base distribution as it is.
-#
-# The motions stand along the last axis of every array: whatever is done to all of them works on contiguous memory.
 
 
 @dataclass(slots=True)
 class Variables:
-    """P motions: `first` (N, 3, P); `mover` (T, P), indices of the problem's `movable`, all 0 if all move; `unit`
-    (T, M, 3, P), M = 1 if one object moves in each step, else as many as can move."""
+    """The base variables of P motions: what is drawn, and the poses follow from it. `first` (N, 3, P); `mover` (T, P),
+    indices of the problem's `movable`, all 0 if all move; `unit` (T, M, 3, P), M = 1 if one object moves in each step,
+    else as many as can move.
+
+    All are independent and uniform: the first scene over its box, the mover of each step, its displacement over the
+    unit disc and its turn over -1 to 1, both in units of the mover's reach. So every change that keeps these variables
+    within their sets, and is as probable as its reverse, leaves the base distribution as it is. The motions stand along
+    the last axis of every array: whatever is done to all of them works on contiguous memory.
+    """
 
     first: Array
     mover: Index
@@ -248,20 +234,20 @@ def unit_steps(rng: np.random.Generator, *shape: int) -> Array:
     return np.stack([far * np.cos(angle), far * np.sin(angle), 2.0 * rng.random(shape) - 1.0], axis=-2)
 
 
-def legal(unit: Array) -> Flags:
+def is_legal(unit: Array) -> Flags:
     """Which steps (..., 3, P) lie in the unit disc and turn by at most 1."""
     flags: Flags = (unit[..., 0, :] ** 2 + unit[..., 1, :] ** 2 <= 1.0) & (np.abs(unit[..., 2, :]) <= 1.0)
     return flags
 
 
-def chosen(flags: Flags, rng: np.random.Generator) -> tuple[Index, Flags]:
+def choose_step(flags: Flags, rng: np.random.Generator) -> tuple[Index, Flags]:
     """One of the steps that are flagged (T, P), for each motion, all equally likely; and whether there is any."""
     step: Index = np.where(flags, rng.random(flags.shape), -1.0).argmax(axis=0)
     found: Flags = np.asarray(flags.any(axis=0))
     return step, found
 
 
-def at_home(problem: MotionProblem, first: Array) -> Flags:
+def wrap_inside(problem: MotionProblem, first: Array) -> Flags:
     """Whether first poses (N, 3, P) are within their boxes; headings that are free wrap in place."""
     for thing in np.flatnonzero(problem.wide).tolist():
         low, heading = problem.lowest[thing, THETA], first[thing, THETA]

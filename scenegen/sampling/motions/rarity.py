@@ -32,10 +32,10 @@ from scenegen.sampling.request import SampleRequest
 from scenegen.sampling.streams import MOTION_RARITY_STREAM
 from scenegen.search.effort import NEVER, Stop
 
-MOST, FEWEST = 4096, 256  # chains of a run
-DEPTH = 18  # levels that the effort of a run must cover
-WORK = 2_000_000_000  # node visits, times moments, of the runs together, and of meeting the requirement
-CAREFUL, SETTLE = 2, 4  # rounds of moves on a level of the requirement, and once it is met
+MAX_RUN_CHAINS, MIN_RUN_CHAINS = 4096, 256  # chains of a run
+MOTION_LEVELS = 18  # levels that the effort of a run must cover
+MOTION_WORK = 2_000_000_000  # node visits, times moments, of the runs together, and of meeting the requirement
+REQUIREMENT_ROUNDS, SETTLE_ROUNDS = 2, 4  # rounds of moves on a level of the requirement, and once it is met
 
 
 def measure(spec: CheckedSpec, labels: Sequence[str], seed: int = 0, stop: Stop = NEVER) -> Rarity | RequirementUnmet:
@@ -46,9 +46,10 @@ def measure(spec: CheckedSpec, labels: Sequence[str], seed: int = 0, stop: Stop 
     problem = make_motion_problem(spec, SampleRequest({}, n=1, seed=seed), stop)
     with np.errstate(all="ignore"):
         moves = 10 + problem.steps + len(problem.names)
-        work = WORK // cost(spec)
-        count = int(COUNTED_EFFORT * work) // (2 * len(labels) * MOVES_PER_LEVEL * moves * DEPTH)
-        count = problem.at_once(min(max(count, FEWEST), MOST), 4 * TAIL_ISLANDS) // TAIL_ISLANDS * TAIL_ISLANDS
+        work = MOTION_WORK // cost(spec)
+        count = int(COUNTED_EFFORT * work) // (2 * len(labels) * MOVES_PER_LEVEL * moves * MOTION_LEVELS)
+        count = problem.batch_size(min(max(count, MIN_RUN_CHAINS), MAX_RUN_CHAINS), 4 * TAIL_ISLANDS)
+        count = count // TAIL_ISLANDS * TAIL_ISLANDS
         base, weights, best = _require(problem, count, moves, seed, work, stop)
         if not weights.any():
             return RequirementUnmet(best, base.evaluations)
@@ -63,10 +64,10 @@ def measure(spec: CheckedSpec, labels: Sequence[str], seed: int = 0, stop: Stop 
                 tails.append(tail)
                 spent += made
             reaches[label] = PhiDistribution(tails[0], tails[1], spent)
-    return Rarity(reaches, _required(weights, problem.log_excess), spent)
+    return Rarity(reaches, _requirement(weights, problem.log_excess), spent)
 
 
-def _required(weights: Array, excess: float) -> Estimate | None:
+def _requirement(weights: Array, excess: float) -> Estimate | None:
     if (weights == 1.0).all():
         return None
     found = ratio(weights, np.ones(TAIL_ISLANDS))
@@ -88,7 +89,7 @@ def _require(
                 break
             met = level >= 0.0
             weights = weights * restrict(chains, min(level, 0.0), 1, row)
-            for _ in range(CAREFUL):
+            for _ in range(REQUIREMENT_ROUNDS):
                 chains.run(moves)
         best = float(margins(chains, 1, row).max())
         if not met:
@@ -96,6 +97,6 @@ def _require(
         low = chains.region.low.copy()
         low[row] = 0.0
         chains.narrow(type(chains.region)(low, chains.region.high))
-    for _ in range(SETTLE):
+    for _ in range(SETTLE_ROUNDS):
         chains.run(moves)
     return chains, weights, best

@@ -17,7 +17,14 @@ from scenegen.arrays import Array, Index
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_TIME_TO_TELL
 from scenegen.processes.pool import run_pieces
-from scenegen.sampling.motions.problem import NUMBERS, MotionProblem, Variables, draw, poses_of, within_a_turn
+from scenegen.sampling.motions.problem import (
+    MAX_MOTION_NUMBERS,
+    MotionProblem,
+    Variables,
+    draw,
+    poses_of,
+    within_a_turn,
+)
 from scenegen.sampling.motions.schedule import MotionChains, Watch, generator, make_schedule
 from scenegen.sampling.plan import PHI_TOLERANCE, Account, Piece, Plan, Record, Tally, digest
 from scenegen.sampling.report import hits_info, probability_info, too_few_motions
@@ -25,12 +32,12 @@ from scenegen.sampling.splitting.levels import Schedule, follow
 from scenegen.sampling.streams import MOTIONS_STREAM
 from scenegen.search.effort import NEVER, Budget, Stop, StoppedError
 
-BATCH = 4096  # motions of a piece of rejection, and of a step of the pilot
-LEAST = 8  # the same, of very large motions
-PILOT = 64  # steps of the pilot at most, which decides between rejection and splitting
-ENOUGH = 4  # hits of the rarest cell that tell how rare it is
-FACTS, OF_A_STATISTIC = 7, 3  # of a piece of splitting
-MOST = 4_000_000  # motions up to which rejection is cheaper than the levels of splitting
+PIECE_MOTIONS = 4096  # motions of a piece of rejection, and of a step of the pilot
+MIN_PIECE_MOTIONS = 8  # the same, of very large motions
+MAX_PILOT_STEPS = 64  # steps of the pilot at most, which decides between rejection and splitting
+PILOT_HITS = 4  # hits of the rarest cell that tell how rare it is
+MOTION_FACTS, OF_A_STATISTIC = 7, 3  # of a piece of splitting
+MAX_REJECTED_MOTIONS = 4_000_000  # motions up to which rejection is cheaper than the levels of splitting
 
 
 def columns(problem: MotionProblem, variables: Variables, poses: Array) -> Array:
@@ -56,7 +63,7 @@ class _MotionPlan(Plan):
     def check(self, rows: Array, phi: Array) -> None:
         """Score motions once more. Raises AssertionError for one that is out of range, or was given another phi."""
         problem = self.problem
-        some = max(1, NUMBERS // problem.rows)
+        some = max(1, MAX_MOTION_NUMBERS // problem.rows)
         for start in range(0, rows.shape[1], some):
             part = slice(start, start + some)
             again = problem.scores(problem.poses(rows[:, part]))
@@ -89,7 +96,7 @@ class MotionRejection(_MotionPlan):
     @property
     def batch(self) -> int:
         """Motions drawn for a piece."""
-        return self.problem.at_once(BATCH, LEAST)
+        return self.problem.batch_size(PIECE_MOTIONS, MIN_PIECE_MOTIONS)
 
     @property
     def fact_count(self) -> int:
@@ -145,7 +152,7 @@ class MotionSplitting(_MotionPlan):
     @property
     def fact_count(self) -> int:
         with np.errstate(all="ignore"):
-            return FACTS + OF_A_STATISTIC * len(self._start(0, 2).statistics())
+            return MOTION_FACTS + OF_A_STATISTIC * len(self._start(0, 2).statistics())
 
     @property
     def scenes_per_piece(self) -> float:
@@ -176,9 +183,9 @@ class MotionSplitting(_MotionPlan):
 
     def account(self, tally: Tally) -> Account:
         plan = self.schedule
-        empty = (0.0,) * FACTS
-        total, square, alive, *logs, made, taken = (*tally.facts, *empty)[:FACTS]
-        watched = tally.facts[FACTS:]
+        empty = (0.0,) * MOTION_FACTS
+        total, square, alive, *logs, made, taken = (*tally.facts, *empty)[:MOTION_FACTS]
+        watched = tally.facts[MOTION_FACTS:]
         evaluations = plan.evaluations + int(made)
         info: dict[str, object] = {
             "method": self.method,
@@ -229,14 +236,14 @@ class _Pilot:
 
 def pilot(problem: MotionProblem, budget: Budget) -> tuple[Index, int]:
     """How many draws of the base distribution hit each cell, and how many draws there were. Raises StoppedError."""
-    drawn, batch = 0, problem.at_once(BATCH, LEAST)
+    drawn, batch = 0, problem.batch_size(PIECE_MOTIONS, MIN_PIECE_MOTIONS)
     counts = np.zeros(problem.cells.count, dtype=np.intp)
-    steps = run_pieces(_Pilot(problem, batch, budget), range(PILOT), problem.request.workers or 1)
+    steps = run_pieces(_Pilot(problem, batch, budget), range(MAX_PILOT_STEPS), problem.request.workers or 1)
     with closing(steps):
         for hits in steps:
             counts += hits
             drawn += batch
-            if counts.min() >= ENOUGH:
+            if counts.min() >= PILOT_HITS:
                 break
     return counts, drawn
 
@@ -249,7 +256,7 @@ def make_plan(
     if method in ("auto", "rejection"):
         counts, drawn = pilot(problem, budget)
         cost = problem.request.n / problem.cells.count * drawn / max(1, counts.min())
-        if (counts.min() >= ENOUGH and cost <= MOST) or (method == "rejection" and counts.any()):
+        if (counts.min() >= PILOT_HITS and cost <= MAX_REJECTED_MOTIONS) or (method == "rejection" and counts.any()):
             reached = tuple(map(int, np.flatnonzero(counts)))
             return MotionRejection(problem, reached, counts.sum() / drawn, budget)
         if method == "rejection":
@@ -275,10 +282,6 @@ def plan_motions(problem: MotionProblem, budget: Budget, *, watch: Watch | None 
     if plan is None:
         raise RequestError(too_few_motions(0, request.n, budget.spent))
     return plan
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# From a problem in Python to motions, in memory.
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,23 +11,15 @@ import numpy as np
 from scenegen.arrays import Array, Index
 from scenegen.sampling.motions.moves import changes
 from scenegen.sampling.motions.problem import GATES, Flags, MotionProblem, Variables, draw, poses_of, within_a_turn
+from scenegen.sampling.resampling import resample
 from scenegen.sampling.splitting.levels import Descent, Region, Schedule, Stage, which_cell
 from scenegen.sampling.streams import MOTIONS_STREAM
 from scenegen.search.effort import NEVER, Budget, Stop
 
-# --------------------------------------------------------------------------------------------------------------------
-# How often each change is made: so that what is slowest to be forgotten is forgotten sooner.
-#
-# Each change moves each statistic of the motions by some mean square. The rate at which a statistic is forgotten is
-# about their mean over the mixture of changes, so its inverse is a time. The mixture is the one that has the least
-# sum of times for the same number of evaluations; it is found by the multiplicative algorithm for A-optimal designs
-# (Silvey, Titterington and Torsney 1978). It is fixed before any motion is kept.
-
-
-KEEP = 0.7  # of what was measured, when the region narrows
-SHARED = 0.5  # of the evaluations, which all changes share equally: none is left out
-OWN_COST = 0.4  # of a change, in evaluations: what it takes to make it
-STEPS = 200  # of the algorithm
+METER_MEMORY = 0.7  # of what was measured, when the region narrows
+EQUAL_SHARE = 0.5  # of the evaluations, which all changes share equally: none is left out
+CHANGE_COST = 0.4  # of a change, in evaluations: what it takes to make it
+DESIGN_STEPS = 200  # of the algorithm
 
 
 def statistics(problem: MotionProblem, variables: Variables, poses: Array, scores: Array) -> Array:
@@ -81,53 +73,38 @@ class Meter:
             self.jumps = np.zeros((self.count, len(now)))
         self.now = now.copy()
         for one in (self.jumps, self.cost, self.tried):
-            one *= KEEP
+            one *= METER_MEMORY
 
     def add(self, kind: int, tried: int, scored: int, chains: Index, statistics: Array) -> None:
         """A change was tried by so many chains, scored by some, and taken by `chains` (indices), whose statistics are
         now (S, len(chains))."""
         self.tried[kind] += tried
-        self.cost[kind] += OWN_COST * tried + scored
+        self.cost[kind] += CHANGE_COST * tried + scored
         self.jumps[kind] += ((statistics - self.now[:, chains]) ** 2).sum(axis=1)
         self.now[:, chains] = statistics
 
     def mixture(self) -> Array:
-        """How often each change is to be made, (K,), in all 1."""
+        """How often each change is to be made, (K,), in all 1: what is slowest to be forgotten is forgotten sooner.
+
+        Each change moves each statistic of the motions by some mean square. The rate at which a statistic is forgotten
+        is about their mean over the mixture of changes, so its inverse is a time. The mixture is the one that has the
+        least sum of times for the same number of evaluations, by the multiplicative algorithm for A-optimal designs
+        (Silvey, Titterington and Torsney 1978). It is fixed before any motion is kept.
+        """
         variance = self.now.var(axis=1)
         moved = (variance > 1e-12) & (self.jumps > 0.0).any(axis=0)
         tried = np.where(self.tried > 0.0, self.tried, 1.0)
-        cost = np.where(self.tried > 0.0, self.cost / tried, 1.0 + OWN_COST)
+        cost = np.where(self.tried > 0.0, self.cost / tried, 1.0 + CHANGE_COST)
         rate = self.jumps[:, moved] / variance[moved] / (tried * cost)[:, None]
         share = np.full(self.count, 1.0 / self.count)
-        for _ in range(STEPS if moved.any() else 0):
+        for _ in range(DESIGN_STEPS if moved.any() else 0):
             gain = (rate / (share @ rate) ** 2).sum(axis=1)
             share *= np.sqrt(gain)
             share /= share.sum()
             share = np.maximum(share, 1e-12)
-        often = ((1.0 - SHARED) * share + SHARED / self.count) / cost
+        often = ((1.0 - EQUAL_SHARE) * share + EQUAL_SHARE / self.count) / cost
         found: Array = often / often.sum()
         return found
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# A population of motions that is narrowed to a region level by level and moves within it.
-
-
-def _refill(gain: Array, islands: int, rng: np.random.Generator) -> Index:
-    """As many chains as there are, in proportion to `gain`; islands without any refill from all."""
-    each = gain.reshape(islands, -1)
-    if islands == 1 or not each.sum(axis=1).all():
-        return systematic(gain, rng)
-    size = each.shape[1]
-    return np.concatenate([number * size + systematic(share, rng) for number, share in enumerate(each)])
-
-
-def systematic(share: Array, rng: np.random.Generator) -> Index:
-    """As many indices as shares, in proportion to them, in order: systematic resampling (Kitagawa 1996)."""
-    place = np.cumsum(share)
-    points = (np.arange(len(share)) + rng.random()) * (place[-1] / len(share))
-    index: Index = np.minimum(np.searchsorted(place, points, side="right"), len(share) - 1).astype(np.intp)
-    return index
 
 
 @dataclass(slots=True)
@@ -156,11 +133,6 @@ class MotionChains:
     def count(self) -> int:
         return int(self.scores.shape[1])
 
-    @property
-    def phi(self) -> list[Array]:
-        """The scores, a row each."""
-        return list(self.scores)
-
     def copy(self) -> MotionChains:
         """Chains that go on from the same motions."""
         return replace(self, now=self.now.take(np.arange(self.count)), scores=self.scores.copy(), evaluations=0)
@@ -169,11 +141,15 @@ class MotionChains:
         """Restrict the chains to a region: survivors are resampled to the old number in proportion to the change of
         their weight; islands, blocks of equally many chains, each from their own. Returns the share that survived (0:
         none did, and the chains are unchanged)."""
-        alive = region.holds(list(self.scores))
+        alive = region.holds(self.scores)
         gain = np.where(alive, self._weigh(region, self.scores) / self.weight, 0.0)
         if not gain.sum() > 0.0:
             return 0.0
-        index = _refill(gain, islands, self.rng)
+        each = gain.reshape(islands, -1)
+        if not each.any(axis=1).all():  # where an island has died out, all are refilled from all
+            each = gain[None]
+        size = each.shape[1]
+        index = np.concatenate([number * size + resample(own, size, self.rng) for number, own in enumerate(each)])
         self.now, self.scores, self.region = self.now.take(index), self.scores[:, index], region
         self.weight = self._weigh(region, self.scores)
         return float(alive.mean())
@@ -223,20 +199,15 @@ class MotionChains:
     def _weigh(self, region: Region, scores: Array) -> Array:
         if region.weights is None:
             return np.ones(scores.shape[1])
-        return region.weigh(list(scores), self.problem.cells)
+        return region.weigh(scores, self.problem.cells)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The descent of a request for motions.
-
-
-KEPT = 0.4  # share of the chains that makes a level
-FEWEST, PIECES = 64, 4  # chains of a piece, and pieces of a request, at least
-AT_LEAST = 16  # chains, of motions so large that more would not fit
-LEFT = 0.1  # correlation of a motion with its chain's earlier one at which they count as independent
-LONGEST = 32  # rounds of moves until then, at most
-LUCK = 2.5  # standard deviations of the largest of some hundred sample correlations whose true value is 0
-ROUNDS = 24  # of weights that even out the cells
+MIN_MOTION_CHAINS, MOTION_PIECES = 64, 4  # chains of a piece, and pieces of a request, at least
+MIN_LARGE_CHAINS = 16  # chains, of motions so large that more would not fit
+INDEPENDENT_CORRELATION = 0.1  # correlation of a motion with its chain's earlier one at which they count as independent
+MAX_SETTLE_ROUNDS = 32  # rounds of moves until then, at most
+CORRELATION_DEVIATIONS = 2.5  # of the largest of some hundred sample correlations whose true value is 0
+EVEN_OUT_ROUNDS = 24  # of weights that even out the cells
 
 
 def generator(seed: int, piece: int) -> np.random.Generator:
@@ -258,13 +229,13 @@ def make_schedule(problem: MotionProblem, budget: Budget, watch: Watch | None = 
 class _MotionDescent(Descent[MotionChains]):
     """The descent of a request for motions."""
 
-    kept = KEPT
+    kept = 0.4
 
     def __init__(self, problem: MotionProblem, budget: Budget, watch: Watch | None = None) -> None:
-        wanted = max(FEWEST, 4 * problem.cells.count, -(-problem.request.n // PIECES))
-        self._piece = problem.at_once(min(wanted, 4096), AT_LEAST)
+        wanted = max(MIN_MOTION_CHAINS, 4 * problem.cells.count, -(-problem.request.n // MOTION_PIECES))
+        self._piece = problem.batch_size(min(wanted, 4096), MIN_LARGE_CHAINS)
         self._moves = 10 + problem.steps + len(problem.names)
-        many = problem.at_once(max(512, self._piece), AT_LEAST)
+        many = problem.batch_size(max(512, self._piece), MIN_LARGE_CHAINS)
         super().__init__(MotionChains.start(problem, many, generator(problem.request.seed, -1), budget))
         kinds = len(changes(problem))
         self._meter, self._mixture = Meter(kinds), np.full(kinds, 1.0 / max(1, kinds))
@@ -305,11 +276,11 @@ class _MotionDescent(Descent[MotionChains]):
         that were visited; the others are closed."""
         chains, cells, base = self.chains, self.chains.problem.cells, self.chains.region
         log_weight, visited = np.zeros(cells.count), np.zeros(cells.count, dtype=bool)
-        for done in range(ROUNDS):
+        for done in range(EVEN_OUT_ROUNDS):
             counts = np.zeros(cells.count)
             for _ in range(4):
                 chains.run(self._moves // 2, self._mixture)
-                counts += np.bincount(which_cell(list(chains.scores), cells), minlength=cells.count)
+                counts += np.bincount(which_cell(chains.scores, cells), minlength=cells.count)
             visited |= counts > 0
             if done >= 6 and counts[visited].min() >= 0.4 * counts[visited].mean():
                 break
@@ -328,10 +299,12 @@ class _MotionDescent(Descent[MotionChains]):
         they can follow at once. Returns the largest correlation then."""
         chains = self.chains
         before, left = chains.statistics(), 1.0
-        noise = LUCK / np.sqrt(chains.count)  # the largest of some hundred correlations of independent motions
+        noise = CORRELATION_DEVIATIONS / np.sqrt(
+            chains.count
+        )  # the largest of some hundred correlations of independent motions
         spread = before.std(axis=1) > 1e-12
         rounds = 0
-        while left > LEFT and rounds < LONGEST:
+        while left > INDEPENDENT_CORRELATION and rounds < MAX_SETTLE_ROUNDS:
             rounds += 1
             self.move()
             self.stages.append(Stage(None, self._mixture, 2 * self._moves))

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -25,10 +25,10 @@ from scenegen.lang.formula.core import (
     Everywhere,
     Junction,
     Moment,
+    Node,
     Window,
-    children,
-    moved,
     part_of,
+    restricted,
 )
 from scenegen.lang.formula.interpret import (
     GapMinima,
@@ -45,13 +45,12 @@ from scenegen.lang.formula.timed import Numpy, Signal, Timed, TimeNode, over_tim
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, along, row_of, rows_of
 from scenegen.sampling.motions.bounds import phi_bounds, step_bounds, without_step_bounds
-from scenegen.sampling.motions.problem import MotionProblem, cost, within_a_turn
+from scenegen.sampling.motions.problem import MAX_STATES_AT_ONCE, MotionProblem, cost, within_a_turn
 from scenegen.sampling.problem import doubts_of_fixed, hold_fixed
 from scenegen.sampling.request import SampleRequest, within_reach
 from scenegen.search.effort import NEVER, Stop, StoppedError, effort_until_stopped
 
-STATES = 1 << 16  # states scored at a time, which stay in cache
-ALIVE = 1 << 25  # numbers alive meanwhile; large formulas get fewer states
+MAX_NUMBERS_ALIVE = 1 << 25  # numbers alive meanwhile; large formulas get fewer states
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,17 +63,17 @@ class TraceScores:
     def __call__(self, poses: Array) -> Array:
         count = poses.shape[-1]
         nodes = len(self.timed.state.nodes) + 2 * len(self.timed.nodes)
-        some = max(1, min(STATES, ALIVE // nodes) // poses.shape[2])
+        some = max(1, min(MAX_STATES_AT_ONCE, MAX_NUMBERS_ALIVE // nodes) // poses.shape[2])
         if count <= some:
-            return self._some(poses)
+            return self._score_batch(poses)
         parts = [poses[..., start : start + some] for start in range(0, count, some)]
-        return np.concatenate([self._some(part) for part in parts], axis=1)
+        return np.concatenate([self._score_batch(part) for part in parts], axis=1)
 
     def signals(self, poses: Array) -> Array:
         """phi of every label at every moment: (N, 3, T + 1, B) -> (L, T + 1, B)."""
         return np.array([value.T for value in self._values(poses, list(self.timed.labels.values()))])
 
-    def _some(self, poses: Array) -> Array:
+    def _score_batch(self, poses: Array) -> Array:
         timed, count = self.timed, poses.shape[-1]
         required = [] if timed.requirement is None else [timed.requirement]
         labels = self._values(poses, [*timed.labels.values(), *required])
@@ -104,10 +103,6 @@ class TraceScores:
         return [values[node] for node in nodes]
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# At which moments the formulas of a state are looked at.
-
-
 Mask = npt.NDArray[np.bool_]
 
 
@@ -132,10 +127,10 @@ def moments_needed(timed: Timed, *, labels: bool, requirement: bool) -> list[Mas
                 for arg in args:
                     needed[arg] |= mask
             case Window(_, arg, lowest, highest):
-                needed[arg] |= _later(mask, lowest, highest)
+                needed[arg] |= _later_moments(mask, lowest, highest)
             case BoundedUntil(_, left, right, lowest, highest, _):
-                needed[left] |= _later(mask, 0, highest)
-                needed[right] |= _later(mask, lowest, highest)
+                needed[left] |= _later_moments(mask, 0, highest)
+                needed[right] |= _later_moments(mask, lowest, highest)
             case Moment("first", arg):
                 needed[arg][0] = True
             case Moment("last", arg):
@@ -147,7 +142,7 @@ def moments_needed(timed: Timed, *, labels: bool, requirement: bool) -> list[Mas
     return signals
 
 
-def _later(mask: Mask, lowest: int, highest: int) -> Mask:
+def _later_moments(mask: Mask, lowest: int, highest: int) -> Mask:
     """The moments from `lowest` to `highest` after any that is marked."""
     count = len(mask)
     starts = np.concatenate([[0], np.cumsum(mask)])
@@ -156,23 +151,9 @@ def _later(mask: Mask, lowest: int, highest: int) -> Mask:
     return np.asarray(starts[np.maximum(first, last)] > starts[first])
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# phi over motions for chains, which ask less of it: whether a motion stays in a region, and its phi if it does.
-#
-# Chains are cheaper to score than motions that are returned:
-#
-# * bounds of steps hold by construction, so the requirement is scored without them;
-# * formulas of a state are computed at the moments that phi looks at: `finally f` needs f at one;
-# * what leaves the region by its limits or labels needs no requirement, and of a requirement that holds already, only
-#   gaps that can be negative are computed.
-#
-# Labels have the values of `TraceScores`, to the bit, where a motion stays in the region. The requirement has at
-# least the sign. Motions are scored in full before they are returned.
-
-
 Moments = npt.NDArray[np.intp]
 
-FEW, EACH = 2, 1  # gaps of a minimum, and for each pair of shapes: few states have one that can be negative
+SIGN_GAPS, SIGN_GAPS_EACH = 2, 1  # gaps of a minimum, and for each pair of shapes: few can be negative
 
 
 class _Signs(PrunedNumbers):
@@ -246,7 +227,18 @@ class _TimedFormulas:
 
 @dataclass(frozen=True, slots=True)
 class LeanScores:
-    """Scores of a spec over time, in two stages."""
+    """Scores of a spec over time for chains, which ask whether a motion stays in a region, and its phi if it does.
+
+    Chains are cheaper to score than motions that are returned:
+
+    * bounds of steps hold by construction, so the requirement is scored without them;
+    * formulas of a state are computed at the moments that phi looks at: `finally f` needs f at one;
+    * what leaves the region by its limits or labels needs no requirement, and of a requirement that holds already,
+      only gaps that can be negative are computed.
+
+    Labels have the values of `TraceScores`, to the bit, where a motion stays in the region. The requirement has at
+    least the sign. Motions are scored in full before they are returned.
+    """
 
     labels: _TimedFormulas
     requirement: _TimedFormulas | None
@@ -269,7 +261,7 @@ class LeanScores:
         return within_a_turn(poses.copy()) if self.bare else poses
 
 
-def lean(timed: Timed) -> LeanScores:
+def make_lean_scores(timed: Timed) -> LeanScores:
     """The lean scores of a spec over time."""
     roots = tuple(timed.labels.values())
     labels = _stage(timed, roots, moments_needed(timed, labels=True, requirement=False))
@@ -294,38 +286,11 @@ def _stage(timed: Timed, nodes: tuple[int, ...], needed: Sequence[Mask]) -> _Tim
         core = part_of(timed.state, tuple(map(str, signals)))
         roots = tuple(core.labels.values())
         steps = any(isinstance(node, Coord) and node.object >= count for node in core.nodes)
-        usual, signs = find_groups(core, roots), find_groups(core, roots, FEW, EACH)
+        usual, signs = find_groups(core, roots), find_groups(core, roots, SIGN_GAPS, SIGN_GAPS_EACH)
         parts.append(_StateFormulas(core, tuple(signals), np.flatnonzero(needed[signals[0]]), steps, usual, signs))
-    kept, place = _below(timed, nodes)
-    return _TimedFormulas(replace(timed, nodes=kept, labels={}, requirement=None), place, tuple(parts))
-
-
-def _below(timed: Timed, roots: tuple[int, ...]) -> tuple[tuple[TimeNode, ...], tuple[int, ...]]:
-    """The nodes over time that some nodes need, and the places of those among them."""
-    needed = [False] * len(timed.nodes)
-    for root in roots:
-        needed[root] = True
-    for index in range(len(timed.nodes) - 1, -1, -1):
-        node = timed.nodes[index]
-        if needed[index] and not isinstance(node, Signal):
-            for child in children(node):
-                needed[child] = True
-    place: dict[int, int] = {}
-    kept: list[TimeNode] = []
-    for index, node in enumerate(timed.nodes):
-        if needed[index]:
-            place[index] = len(kept)
-            if isinstance(node, Signal):
-                kept.append(node)
-                continue
-            again = moved(node, place)
-            assert isinstance(again, Junction | Window | BoundedUntil | Moment | Everywhere)
-            kept.append(again)
-    return tuple(kept), tuple(place[root] for root in roots)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# From a spec over time and a request to a problem for the samplers.
+    kept, place = restricted(cast("Sequence[Node]", timed.nodes), nodes)  # a signal is a leaf, like a coordinate
+    bare = replace(timed, nodes=cast("tuple[TimeNode, ...]", kept), labels={}, requirement=None)
+    return _TimedFormulas(bare, tuple(place[node] for node in nodes), tuple(parts))
 
 
 def make_motion_problem(spec: CheckedSpec, request: SampleRequest, stop: Stop = NEVER) -> MotionProblem:
@@ -342,7 +307,7 @@ def make_motion_problem(spec: CheckedSpec, request: SampleRequest, stop: Stop = 
     checked, warnings = within_reach(dataclasses.replace(request, fix=fixed), bounds)
     warnings = (*warnings, *doubts_of_fixed(spec, request.fix))
     radius, turn = _steps(timed, lowest, highest)
-    for name in unbounded(timed, lowest, highest):
+    for name in unbounded_objects(timed, lowest, highest):
         raise RequestError(NO_BOUND_ON_STEPS(name=name))
     turn[np.isinf(turn)] = 0.0  # without a bound a heading is kept
     shape = (len(timed.objects), len(rows_of(0)))
@@ -350,12 +315,12 @@ def make_motion_problem(spec: CheckedSpec, request: SampleRequest, stop: Stop = 
         names=timed.objects, labels=tuple(timed.labels), steps=timed.horizon.steps, lowest=lowest.reshape(shape),
         highest=highest.reshape(shape), radius=radius, turn=turn, score=TraceScores(timed), request=checked,
         moves=timed.moves, dt=timed.horizon.dt, cost=cost(spec),
-        lean=lean(timed), log_excess=spec.workspace.log_excess(lowest, highest, len(timed.objects)),
+        lean=make_lean_scores(timed), log_excess=spec.workspace.log_excess(lowest, highest, len(timed.objects)),
         spec=spec, warnings=warnings,
     )  # fmt: skip
 
 
-def unbounded(timed: Timed, lowest: Array, highest: Array) -> list[str]:
+def unbounded_objects(timed: Timed, lowest: Array, highest: Array) -> list[str]:
     """The objects of which nothing says how far they move in a step, in the box (3N,) of their poses."""
     radius, _ = _steps(timed, lowest, highest)
     return [name for name, far in zip(timed.objects, radius, strict=True) if np.isinf(far)]

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from scenegen.sampling.problem import Problem
 
 
-_CHOICES, _FEW = 2, 8  # number of junctions whose choice is tracked, and the most arguments of one
-LIVE = 1 << 24  # up to so many nodes times scenes, all scenes are computed at once
-_WATCHED = 48  # atoms, and junctions, whose correlation is tracked; larger specs have many of a kind
+MAX_CHOICES, MAX_CHOICE_ARGS = 2, 8  # number of junctions whose choice is tracked, and the most arguments of one
+MAX_LIVE_VALUES = 1 << 24  # up to so many nodes times scenes, all scenes are computed at once
+MAX_WATCHED_NODES = 48  # atoms, and junctions, whose correlation is tracked; larger specs have many of a kind
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,12 +93,12 @@ class ChainState:
         return out
 
 
-def frame_of(problem: Problem) -> ChainState:
+def chain_state_of(problem: Problem) -> ChainState:
     """The moving rows of a problem: those that a label (or the requirement) reads and whose interval has a width."""
-    return make_frame(problem.core, problem.lowest, problem.highest)
+    return make_chain_state(problem.core, problem.lowest, problem.highest)
 
 
-def make_frame(core: Core, lowest: Array, highest: Array) -> ChainState:
+def make_chain_state(core: Core, lowest: Array, highest: Array) -> ChainState:
     """The moving rows of a core over a box of poses, (3N,) each."""
     rows = tuple(sorted(row for row in read_rows(core) if lowest[row] < highest[row]))
     index = {row: place for place, row in enumerate(rows)}
@@ -110,21 +110,21 @@ def make_frame(core: Core, lowest: Array, highest: Array) -> ChainState:
     return ChainState(core, rows, low, high, circular, parts, lowest.copy())
 
 
-def watched(core: Core) -> Core:
+def watched_core(core: Core) -> Core:
     """The core whose labels are its atoms, conjunctions and disjunctions (evenly chosen if there are many): more
     statistics that must decorrelate. A disjunct's value can distinguish modes of a spec when no single atom does."""
     formulas = [[index for index, node in enumerate(core.nodes) if isinstance(node, kind)] for kind in (Atom, Junction)]
-    chosen = [index for kind in formulas for index in kind[:: max(1, -(-len(kind) // _WATCHED))]]
+    chosen = [index for kind in formulas for index in kind[:: max(1, -(-len(kind) // MAX_WATCHED_NODES))]]
     return replace(core, labels={str(index): index for index in chosen}, requirement=None)
 
 
-def choices(core: Core) -> list[tuple[Junction, Core]]:
+def choice_cores(core: Core) -> list[tuple[Junction, Core]]:
     """A few junctions, the last ones on the tape, which are nearest to the labels, each with a core whose labels are
     the junction's arguments: which argument is the least or the greatest distinguishes modes."""
-    few = [node for node in core.nodes if isinstance(node, Junction) and len(node.args) <= _FEW]
+    few = [node for node in core.nodes if isinstance(node, Junction) and len(node.args) <= MAX_CHOICE_ARGS]
     return [
         (node, replace(core, labels={str(place): arg for place, arg in enumerate(node.args)}, requirement=None))
-        for node in few[: -1 - _CHOICES : -1]
+        for node in few[: -1 - MAX_CHOICES : -1]
     ]
 
 
@@ -172,9 +172,9 @@ class ChainTape:
         memory until it is done.
         """
         count = rows[0].size if rows else 1
-        if self.length * count <= LIVE:
+        if self.length * count <= MAX_LIVE_VALUES:
             return self._values(rows)
-        size = max(64, LIVE // 4 // self.length)
+        size = max(64, MAX_LIVE_VALUES // 4 // self.length)
         parts = [self._values([row[start : start + size] for row in rows]) for start in range(0, count, size)]
         return [np.concatenate(values) for values in zip(*parts, strict=True)]
 

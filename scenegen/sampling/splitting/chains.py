@@ -2,33 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from scenegen.arrays import Array, Bool, Index
 from scenegen.pose import PLACE
 from scenegen.sampling.cells import Cells
-from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, choices, watched
+from scenegen.sampling.resampling import resample
+from scenegen.sampling.splitting.chain_state import ChainState, ChainTape, choice_cores, watched_core
 from scenegen.sampling.splitting.levels import Region
-from scenegen.sampling.splitting.moves import MOVES, Deck, MoveInputs, MoveProposal, Tuning, bring_home
+from scenegen.sampling.splitting.moves import MOVE_PROPOSALS, Deck, MoveInputs, MoveProposal, Tuning, bring_home
 from scenegen.search.effort import NEVER, Stop
 
-_GENERATIONS = 12  # remembered generations of ancestors: the first chains, and later copies at growing intervals
+MAX_GENERATIONS = 12  # remembered generations of ancestors: the first chains, and later copies at growing intervals
 
 
 @dataclass(slots=True)
 class Chains:
-    """P chains: `rows` D arrays (P,), `phi` L arrays (P,). `fresh` marks those that have moved on their own since they
-    were last copied or taken. `pool` has the scenes for difference moves; it does not change while these moves use
-    it."""
+    """P chains: `rows` D arrays (P,), `scores` the phi of L labels, (P,) each. `fresh` marks those that have moved on
+    their own since they were last copied or taken. `pool` has the scenes for difference moves; it does not change while
+    these moves use it."""
 
     chain_state: ChainState
     tape: ChainTape
     cells: Cells
     rng: np.random.Generator
     rows: list[Array]
-    phi: list[Array]
+    scores: list[Array]
     region: Region
     fresh: Bool
     pool: list[Array]
@@ -43,42 +44,27 @@ class Chains:
     ) -> Chains:
         """Chains at the base distribution, allowed everywhere."""
         rows = chain_state.draw(count, rng)
-        phi = tape(rows)
-        anywhere = np.full(len(phi), -np.inf)
-        return cls(
-            chain_state,
-            tape,
-            cells,
-            rng,
-            rows,
-            phi,
-            Region(anywhere, -anywhere),
-            np.ones(count, dtype=bool),
-            list(rows),
-            _decks(chain_state, rng),
-            evaluations=count,
-        )
+        scores = tape(rows)
+        anywhere = np.full(len(scores), -np.inf)
+        region, fresh, decks = Region(anywhere, -anywhere), np.ones(count, dtype=bool), _decks(chain_state, rng)
+        return cls(chain_state, tape, cells, rng, rows, scores, region, fresh, list(rows), decks, evaluations=count)
 
     @property
     def count(self) -> int:
         return len(self.rows[0])
 
-    def some(self, count: int) -> Chains:
+    def pick_chains(self, count: int) -> Chains:
         """Independent copies of at most `count` of the chains, spread over all of them."""
         index = np.arange(0, self.count, max(1, self.count // count))[:count]
-        weight = None if self.weight is None else self.weight[index]
-        return Chains(
-            self.chain_state,
-            self.tape,
-            self.cells,
-            self.rng,
-            [row[index] for row in self.rows],
-            [value[index] for value in self.phi],
-            self.region,
-            self.fresh[index],
-            self.pool,
-            _decks(self.chain_state, self.rng),
-            weight,
+        return replace(
+            self,
+            rows=[row[index] for row in self.rows],
+            scores=[value[index] for value in self.scores],
+            fresh=self.fresh[index],
+            decks=_decks(self.chain_state, self.rng),
+            weight=None if self.weight is None else self.weight[index],
+            evaluations=0,
+            families=[],
         )
 
     def narrow(self, region: Region, islands: int = 1) -> float:
@@ -88,33 +74,32 @@ class Chains:
         With several islands (blocks of equally many chains), each is refilled from its own survivors only (from all, if
         it has none), so that islands stay independent of each other.
         """
-        alive = region.holds(self.phi)
+        alive = region.holds(self.scores)
         gain = alive.astype(np.float64)
         if region.weights is not None:
-            gain[alive] *= region.weigh([value[alive] for value in self.phi], self.cells)
+            gain[alive] *= region.weigh([value[alive] for value in self.scores], self.cells)
         if self.weight is not None:
             gain /= self.weight
-        total = gain.sum()
-        if not total > 0.0:
+        if not gain.sum() > 0.0:
             return 0.0
         share = float(alive.mean())
-        size = self.count // islands
-        blocks = []
-        for start in range(0, self.count, size):
-            own = gain[start : start + size].sum()
-            mine, offset = (gain[start : start + size] / own, start) if own > 0.0 else (gain / total, 0)
-            blocks.append(_systematic(mine, self.rng, size) + offset)
-        self._copy(blocks[0] if islands == 1 else np.concatenate(blocks))
+        each = gain.reshape(islands, -1)
+        size = each.shape[1]
+        blocks = [
+            number * size + resample(own, size, self.rng) if own.any() else resample(gain, size, self.rng)
+            for number, own in enumerate(each)
+        ]
+        self._copy(np.concatenate(blocks))
         self.region = region
-        self.weight = None if region.weights is None else region.weigh(self.phi, self.cells)
+        self.weight = None if region.weights is None else region.weigh(self.scores, self.cells)
         return share
 
     def _copy(self, index: Index) -> None:
         self.families.append(np.arange(self.count))
-        if len(self.families) > _GENERATIONS:
+        if len(self.families) > MAX_GENERATIONS:
             self.families = self.families[::2]
         self.rows = [row[index] for row in self.rows]
-        self.phi = [value[index] for value in self.phi]
+        self.scores = [value[index] for value in self.scores]
         self.families = [family[index] for family in self.families]
         # The first copy still counts as unique; `index` is in order.
         first = np.ones(self.count, dtype=bool)
@@ -125,23 +110,23 @@ class Chains:
     def move(self, kind: str, tuning: Tuning) -> tuple[float, MoveProposal]:
         """One move of all chains. Returns the share of chains that took it, and what was proposed."""
         draw = MoveInputs(self.chain_state, *self.decks, self.rows, self.pool, tuning, tuning.scale[kind], self.rng)
-        proposal = MOVES[kind](draw)
+        proposal = MOVE_PROPOSALS[kind](draw)
         if not proposal.rows:
             return 0.0, proposal
         values, taken = bring_home(self.chain_state, proposal)
         rows = list(self.rows)
         for row, value in zip(proposal.rows, values, strict=True):
             rows[row] = value
-        phi = self.tape(rows)
-        held = self.region.holds(phi)
+        scores = self.tape(rows)
+        held = self.region.holds(scores)
         taken = held if taken is None else taken & held
         if self.weight is not None:
-            weight = self.region.weigh(phi, self.cells)
+            weight = self.region.weigh(scores, self.cells)
             taken &= self.rng.random(self.count) * self.weight < weight
             self.weight = np.where(taken, weight, self.weight)
         for row in proposal.rows:
             self.rows[row] = np.where(taken, rows[row], self.rows[row])
-        self.phi = [np.where(taken, new, old) for new, old in zip(phi, self.phi, strict=True)]
+        self.scores = [np.where(taken, new, old) for new, old in zip(scores, self.scores, strict=True)]
         if proposal.parting:
             self.fresh |= taken
         self.evaluations += self.count
@@ -152,7 +137,7 @@ class Chains:
         kinds = list(tuning.weight)
         weights = np.fromiter(tuning.weight.values(), dtype=np.float64)
         # Systematic resampling: in any run each kind gets its rounded share, and is never left out by chance.
-        chosen = self.rng.permutation(_systematic(weights / weights.sum(), self.rng, moves))
+        chosen = self.rng.permutation(resample(weights, moves, self.rng))
         return float(np.mean([self.move(kinds[kind], tuning)[0] for kind in chosen])) if moves else 0.0
 
     def reflect(self, tuning: Tuning) -> None:
@@ -167,32 +152,16 @@ class Chains:
         return index
 
 
-def _systematic(share: Array, rng: np.random.Generator, count: int) -> Index:
-    """`count` indices drawn with the given probabilities, by systematic resampling (Kitagawa 1996), in order."""
-    place = np.cumsum(share)
-    place *= count / place[-1]
-    points = np.arange(count) + rng.random()
-    return np.minimum(np.searchsorted(place, points, side="right"), len(share) - 1).astype(np.intp)
-
-
 def _decks(chain_state: ChainState, rng: np.random.Generator) -> tuple[Deck, Deck]:
     return Deck(chain_state.dimension, rng), Deck(len(chain_state.parts), rng)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# How fast chains forget: correlation of statistics over an ensemble of chains, and among survivors of one ancestor.
-#
-# With many chains at their stationary distribution, the correlation between a statistic now and t moves later is an
-# average over chains, not over the time of one chain: it also shows chains that never leave their mode, as a
-# correlation that does not fade.
-
-
 NEGLIGIBLE = 0.05  # correlation of the slowest statistic between one scene and the next of a chain
-_LATE = 0.3  # the largest correlation when it shows which statistics are slow
-_SLOW = 6  # how many of them count
-_TRIES = 6  # moves of a kind for judging it
-_WITHIN = 6  # differences tracked within each way of satisfying the formula
-_PAIRS = 16  # pairs of objects whose difference is tracked
+LATE_CORRELATION = 0.3  # the largest correlation when it shows which statistics are slow
+SLOW_STATISTICS = 6  # how many of them count
+KIND_TRIES = 6  # moves of a kind for judging it
+MAX_DIFFERENCES_IN_WAY = 6  # differences tracked within each way of satisfying the formula
+MAX_DIFFERENCE_PAIRS = 16  # pairs of objects whose difference is tracked
 
 
 class Statistics:
@@ -202,11 +171,13 @@ class Statistics:
     in others."""
 
     def __init__(self, chain_state: ChainState, stop: Stop = NEVER) -> None:
-        self._frame = chain_state
-        self._atoms = ChainTape(chain_state, watched(chain_state.core), stop)
-        self._choices = [(node.kind, ChainTape(chain_state, core, stop)) for node, core in choices(chain_state.core)]
+        self._chain_state = chain_state
+        self._atoms = ChainTape(chain_state, watched_core(chain_state.core), stop)
+        self._choices = [
+            (node.kind, ChainTape(chain_state, core, stop)) for node, core in choice_cores(chain_state.core)
+        ]
         pairs = [(a, b) for a in range(len(chain_state.parts)) for b in range(a)]
-        step = max(1, -(-len(pairs) // _PAIRS))
+        step = max(1, -(-len(pairs) // MAX_DIFFERENCE_PAIRS))
         self._pairs = [
             (first, second)
             for a, b in pairs[::step]
@@ -219,13 +190,13 @@ class Statistics:
         """(S, P), standardised over the chains; statistics that are the same in all chains are left at 0."""
         rows = chains.rows
         values: list[Array] = []
-        for row, circular in zip(rows, self._frame.circular, strict=True):
+        for row, circular in zip(rows, self._chain_state.circular, strict=True):
             values += [np.cos(row), np.sin(row)] if circular else [row]
         apart = [rows[first] - rows[second] for first, second in self._pairs]
         values += apart
         values += [np.abs(distance) for distance in apart]
         values += self._atoms(rows)
-        few = [np.abs(distance) for distance in apart[:: max(1, len(apart) // _WITHIN)]]
+        few = [np.abs(distance) for distance in apart[:: max(1, len(apart) // MAX_DIFFERENCES_IN_WAY)]]
         for kind, tape in self._choices:
             ways = np.array(tape(rows))
             choice = ways.argmin(axis=0) if kind == "min" else ways.argmax(axis=0)
@@ -234,7 +205,7 @@ class Statistics:
                 values.append(chosen.astype(np.float64))
                 count = max(1, np.count_nonzero(chosen))
                 values += [np.where(chosen, distance - distance[chosen].sum() / count, 0.0) for distance in few]
-        values += chains.phi
+        values += chains.scores
         table = np.array(values)
         if not np.isfinite(table.sum()):
             table = np.nan_to_num(table)
@@ -267,7 +238,9 @@ class CorrelationTime:
 def forgetting(chains: Chains, statistics: Statistics, tuning: Tuning, most: int) -> CorrelationTime:
     """Applies the mirrors once, then moves the chains until they are no longer correlated with their start.
 
-    Stops at `most` moves; the correlation is then not negligible.
+    Stops at `most` moves; the correlation is then not negligible. It is an average over chains at their stationary
+    distribution, not over the time of one chain: it also shows chains that never leave their mode, as a correlation
+    that does not fade.
     """
     start = statistics(chains)
     noise = 3.0 / np.sqrt(chains.count)  # the largest of several dozen sample correlations whose true value is 0
@@ -280,8 +253,8 @@ def forgetting(chains: Chains, statistics: Statistics, tuning: Tuning, most: int
         done += block
         now = correlation(start, statistics(chains))
         left = float(np.abs(now).max(initial=0.0))
-        if late is None and (left < _LATE or done >= most):
-            late = chains.some(chains.count), now
+        if late is None and (left < LATE_CORRELATION or done >= most):
+            late = chains.pick_chains(chains.count), now
         if left < NEGLIGIBLE + noise:
             break
     assert late is not None
@@ -291,12 +264,12 @@ def forgetting(chains: Chains, statistics: Statistics, tuning: Tuning, most: int
 
 def helps(memory: CorrelationTime, statistics: Statistics, tuning: Tuning, kind: str) -> tuple[float, int]:
     """By how much a move of a kind lowers the slowest correlations, and the number of evaluations of this trial."""
-    chains = memory.late.some(memory.late.count)
-    for _ in range(_TRIES):
+    chains = memory.late.pick_chains(memory.late.count)
+    for _ in range(KIND_TRIES):
         chains.move(kind, tuning)
-    slow = np.argsort(-np.abs(memory.faded))[:_SLOW]
+    slow = np.argsort(-np.abs(memory.faded))[:SLOW_STATISTICS]
     before, after = memory.faded[slow], correlation(memory.start[slow], statistics(chains)[slow])
-    return float((np.abs(before) * (np.abs(before) - np.abs(after))).sum()) / _TRIES, chains.evaluations
+    return float((np.abs(before) * (np.abs(before) - np.abs(after))).sum()) / KIND_TRIES, chains.evaluations
 
 
 def design_effect(chains: Chains, values: Array) -> Array:

@@ -15,21 +15,23 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
 from scenegen.arrays import Array, Bool, Index
 from scenegen.sampling.cells import Cells
 
-LEVELS = 1000  # of a descent at most
-LEAST = 16  # chains beyond a value that most of them share, for a level to leave it behind
-STALL = 20  # if so many levels shrink the distance by less than 1 %, the range counts as unreachable
+Scores: TypeAlias = "Sequence[Array] | Array"  # one row of (B,) for each label, and for what else is held
+
+MAX_LEVELS = 1000  # of a descent at most
+MIN_BEYOND = 16  # chains beyond a value that most of them share, for a level to leave it behind
+STALLED_LEVELS = 20  # if so many levels shrink the distance by less than 1 %, the range counts as unreachable
 
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """Where chains may go: phi of every label from `low` to `high`, (L,) each.
+    """Where chains may go: scores, the phi of every label, from `low` to `high`, (L,) each.
 
     `weights` (cells,) favour cells of the range: chains then follow the base distribution times the weight of their
     cell, and a cell of weight 0 is closed. None if all scenes have the same weight.
@@ -39,29 +41,29 @@ class Region:
     high: Array
     weights: Array | None = None
 
-    def holds(self, phi: Sequence[Array]) -> Bool:
+    def holds(self, scores: Scores) -> Bool:
         """Which of B scenes lie within; NaN does not."""
-        inside = np.ones(phi[0].shape, dtype=bool)
-        for value, low, high in zip(phi, self.low, self.high, strict=True):
+        inside = np.ones(scores[0].shape, dtype=bool)
+        for value, low, high in zip(scores, self.low, self.high, strict=True):
             if low > -np.inf:
                 inside &= value >= low
             if high < np.inf:
                 inside &= value <= high
         return inside
 
-    def weigh(self, phi: Sequence[Array], cells: Cells) -> Array:
+    def weigh(self, scores: Scores, cells: Cells) -> Array:
         """The weight of B scenes. Those outside the region get an arbitrary weight."""
         assert self.weights is not None
-        return self.weights[which_cell(phi, cells)]
+        return self.weights[which_cell(scores, cells)]
 
 
-def which_cell(phi: Sequence[Array], cells: Cells) -> Index:
+def which_cell(scores: Scores, cells: Cells) -> Index:
     """The cell of B scenes, (B,); scenes out of the range get the nearest cell. Cells have equal widths along a
     label."""
-    found = np.zeros(phi[0].shape, dtype=np.intp)
+    found = np.zeros(scores[0].shape, dtype=np.intp)
     for label, edge in zip(cells.bounded, cells.edges, strict=True):
         count = len(edge) - 1
-        along = (phi[label] - edge[0]) * (count / (edge[-1] - edge[0]))
+        along = (scores[label] - edge[0]) * (count / (edge[-1] - edge[0]))
         along = np.nan_to_num(along, nan=0.0, posinf=count, neginf=0.0)
         found = found * count + np.clip(along, 0, count - 1).astype(np.intp)
     return found
@@ -71,7 +73,7 @@ class ChainPopulation(Protocol):
     """Chains, many of them: their scores (rows, P), and where they may go."""
 
     @property
-    def phi(self) -> Sequence[Array]: ...
+    def scores(self) -> Scores: ...
 
     @property
     def region(self) -> Region: ...
@@ -129,16 +131,16 @@ def follow(chains: ChainPopulation, stages: Sequence[Stage]) -> tuple[float, flo
     return probability, taken
 
 
-P = TypeVar("P", bound=ChainPopulation)
+ChainsType = TypeVar("ChainsType", bound=ChainPopulation)
 
 
-class Descent(ABC, Generic[P]):
+class Descent(ABC, Generic[ChainsType]):
     """One descent of one ensemble of chains, which records its stages. `kept` is the share of the chains that makes a
     level."""
 
     kept: float
 
-    def __init__(self, chains: P) -> None:
+    def __init__(self, chains: ChainsType) -> None:
         self.chains = chains
         self.stages: list[Stage] = []
 
@@ -146,7 +148,7 @@ class Descent(ABC, Generic[P]):
     def move(self) -> tuple[Any, int]:
         """Move the chains until copies differ. Returns the tuning that does the same in a piece, and how many moves."""
 
-    def over(self) -> bool:
+    def is_over(self) -> bool:
         """Whether to end early."""
         return False
 
@@ -156,7 +158,7 @@ class Descent(ABC, Generic[P]):
     def reach(self, cells: Cells, gates: Sequence[int]) -> bool:
         """Restrict the chains to scores of at least 0 in each of the gates, rows of scores, then to the range of the
         request. Returns whether they have arrived."""
-        low, high = np.full(len(self.chains.phi), -np.inf), np.full(len(self.chains.phi), np.inf)
+        low, high = np.full(len(self.chains.scores), -np.inf), np.full(len(self.chains.scores), np.inf)
         held = low
         for gate in gates:
             low = held.copy()
@@ -169,19 +171,19 @@ class Descent(ABC, Generic[P]):
     def _descend(self, low: Array, high: Array, held: Array, *, last: bool = False) -> bool:
         """Restrict the chains to scores from `low` to `high`, level by level; `held` are lower ends that always
         hold."""
-        scale, history = _scales(self.chains.phi, low, high), list[float]()
-        while not self.over():
-            distance = _distance(self.chains.phi, low, high, scale)
+        scale, history = _scales(self.chains.scores, low, high), list[float]()
+        while not self.is_over():
+            distance = _distance(self.chains.scores, low, high, scale)
             self.look(distance, last)
             level = float(np.quantile(distance, self.kept, method="lower"))
             if not np.isfinite(level):  # phi is undefined in most scenes: leave those first
                 level = float(distance[np.isfinite(distance)].max(initial=-1.0))
             elif history and level >= history[-1]:  # most share one value, say of an alternative that is a constant
                 beyond = distance[distance < level]
-                level = float(beyond.max()) if len(beyond) >= LEAST else level
+                level = float(beyond.max()) if len(beyond) >= MIN_BEYOND else level
             history.append(level)
-            stuck = len(history) > STALL and level > 0.99 * history[-1 - STALL]
-            if level < 0.0 or (level > 0.0 and (stuck or len(history) > LEVELS)):
+            stuck = len(history) > STALLED_LEVELS and level > 0.99 * history[-1 - STALLED_LEVELS]
+            if level < 0.0 or (level > 0.0 and (stuck or len(history) > MAX_LEVELS)):
                 return False
             slack = level * (1.0 + 1e-9) * scale  # rounding must not exclude chains exactly on the level
             region = Region(np.maximum(low - slack, held) if level else low.copy(), high + slack)
@@ -192,7 +194,7 @@ class Descent(ABC, Generic[P]):
         return False
 
 
-def _scales(scores: Sequence[Array], low: Array, high: Array) -> Array:
+def _scales(scores: Scores, low: Array, high: Array) -> Array:
     """The typical distance of each score from its range, which makes metres and radians comparable."""
     out = np.ones(len(scores))
     for row, values in enumerate(scores):
@@ -203,7 +205,7 @@ def _scales(scores: Sequence[Array], low: Array, high: Array) -> Array:
     return out
 
 
-def _distance(scores: Sequence[Array], low: Array, high: Array, scale: Array) -> Array:
+def _distance(scores: Scores, low: Array, high: Array, scale: Array) -> Array:
     """How far (P,) the chains are from the range, 0 within; infinite if a score is NaN."""
     worst = np.zeros(scores[0].shape)
     for values, least, most, unit in zip(scores, low, high, scale, strict=True):

@@ -5,6 +5,9 @@ chain stays a valid Metropolis chain) and its direction separately for each chai
 equally likely (walks, turns, differences), or the map is its own inverse and preserves volumes (swaps, mirrors) and is
 applied with probability 1/2 per chain, so that chains in one mode separate. With a uniform target such a proposal is
 accepted whenever it is in range (Metropolis et al. 1953; Tierney 1994 for the mixture of kinds).
+
+Mirror images of the table and exchanges of objects lead directly from one mode of a symmetric spec to another, such as
+from "a left of b" to "b left of a", where small steps would have to cross scenes out of range.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ from scenegen.sampling.splitting.chain_state import ChainObject, ChainState
 
 Rows = list[Array]
 
-SPREAD = 2.0  # step lengths are log-uniform from half to twice the tuned one
+STEP_SPREAD = 2.0  # step lengths are log-uniform from half to twice the tuned one
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +97,7 @@ class MoveInputs:
 
     def factor(self) -> float:
         """A factor on all step lengths: the tuned one of the kind, spread log-uniformly."""
-        return self.scale * float(SPREAD ** self.rng.uniform(-1.0, 1.0))
+        return self.scale * float(STEP_SPREAD ** self.rng.uniform(-1.0, 1.0))
 
     def noise(self, half_width: float) -> Array:
         """One step per chain, uniform and symmetric, two of 32 bits from each 64-bit random number. The step length is
@@ -117,9 +120,9 @@ class MoveInputs:
     def walk(self, rows: Sequence[int]) -> MoveProposal:
         """Independent steps of the given rows."""
         factor = self.factor() / math.sqrt(len(rows))
-        return MoveProposal(tuple(rows), tuple(self.rows[row] + self.noise(self.capped(row, factor)) for row in rows))
+        return MoveProposal(tuple(rows), tuple(self.rows[row] + self.noise(self.cap_step(row, factor)) for row in rows))
 
-    def capped(self, row: int, factor: float) -> float:
+    def cap_step(self, row: int, factor: float) -> float:
         """The step length of a row times a factor, at most half of its box."""
         return min(
             float(self.tuning.length[row]) * factor, 0.5 * float(self.chain_state.high[row] - self.chain_state.low[row])
@@ -154,49 +157,20 @@ def bring_home(chain_state: ChainState, proposal: MoveProposal) -> tuple[tuple[A
     return tuple(values), inside
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Local moves: walks, shifts, turns, redraws and differences. See scenegen.sampling.splitting.moves.
-
-
 def _row(draw: MoveInputs) -> MoveProposal:
     (row,) = draw.row_deck.deal()
-    half = draw.capped(row, draw.factor())
+    half = draw.cap_step(row, draw.factor())
     return MoveProposal((row,), (draw.rows[row] + draw.noise(half),), row=row)
-
-
-def _object(draw: MoveInputs) -> MoveProposal:
-    return draw.walk(draw.pick(1)[0].rows)
-
-
-def _pair(draw: MoveInputs) -> MoveProposal:
-    return draw.walk([row for part in draw.pick(2) for row in part.rows])
-
-
-def _two(draw: MoveInputs) -> MoveProposal:
-    """Two rows of any objects, for scenes in which another atom becomes active."""
-    return draw.walk(draw.row_deck.deal(2))
-
-
-def _all(draw: MoveInputs) -> MoveProposal:
-    return draw.walk(range(draw.chain_state.dimension))
-
-
-def _shift_all(draw: MoveInputs) -> MoveProposal:
-    return _shifted(draw, draw.chain_state.parts)
-
-
-def _shift_some(draw: MoveInputs) -> MoveProposal:
-    return _shifted(draw, draw.pick(int(draw.rng.integers(2, len(draw.chain_state.parts) + 1))))
 
 
 def _shift_run(draw: MoveInputs) -> MoveProposal:
     """Objects that follow one another in the spec: if they stand in a row on the table, only the gaps at both ends
     change."""
     first, last = sorted(draw.rng.integers(len(draw.chain_state.parts), size=2).tolist())
-    return _shifted(draw, draw.chain_state.parts[first : last + 1])
+    return _shift(draw, draw.chain_state.parts[first : last + 1])
 
 
-def _shifted(draw: MoveInputs, parts: Sequence[ChainObject]) -> MoveProposal:
+def _shift(draw: MoveInputs, parts: Sequence[ChainObject]) -> MoveProposal:
     """Several objects by the same step along x, y or both."""
     axes = ((X,), (Y,), PLACE)[int(draw.rng.integers(3))]
     factor = draw.factor()
@@ -230,7 +204,7 @@ def _stretch(draw: MoveInputs) -> MoveProposal:
     return MoveProposal(tuple(rows), values, np.log(draw.rng.random(draw.count)) < len(rows) * u)
 
 
-def _redrawn(draw: MoveInputs, rows: Sequence[int]) -> MoveProposal:
+def _redraw(draw: MoveInputs, rows: Sequence[int]) -> MoveProposal:
     """Rows redrawn uniformly within the box of the plan's chains. Chains outside this box stay, because the reverse
     move would be impossible."""
     low, high = draw.tuning.low, draw.tuning.high
@@ -247,23 +221,11 @@ def _redrawn(draw: MoveInputs, rows: Sequence[int]) -> MoveProposal:
     return MoveProposal(tuple(rows), tuple(values), allowed)
 
 
-def _redraw_row(draw: MoveInputs) -> MoveProposal:
-    return _redrawn(draw, draw.row_deck.deal())
-
-
-def _redraw_two(draw: MoveInputs) -> MoveProposal:
-    return _redrawn(draw, draw.row_deck.deal(2))
-
-
-def _redraw_object(draw: MoveInputs) -> MoveProposal:
-    return _redrawn(draw, draw.pick(1)[0].rows)
-
-
 def _redraw_axis(draw: MoveInputs) -> MoveProposal:
     """One coordinate of all objects, which a disjunct along the other axis leaves free."""
     by_axis = [[row for part in draw.chain_state.parts if (row := part.at[axis]) is not None] for axis in EVERY]
     axes = [rows for rows in by_axis if rows]
-    return _redrawn(draw, axes[int(draw.rng.integers(len(axes)))])
+    return _redraw(draw, axes[int(draw.rng.integers(len(axes)))])
 
 
 def _turn(draw: MoveInputs) -> MoveProposal:
@@ -290,51 +252,28 @@ def _difference(draw: MoveInputs) -> MoveProposal:
     first, second = draw.rng.integers(size, size=(2, draw.count))
     factor = 1.0 if draw.rng.random() < 0.25 else draw.factor()
     return MoveProposal(
-        tuple(rows),
-        tuple(draw.rows[row] + factor * (draw.pool[row][first] - draw.pool[row][second]) for row in rows),
+        tuple(rows), tuple(draw.rows[row] + factor * (draw.pool[row][first] - draw.pool[row][second]) for row in rows)
     )
 
 
-STEPS: Mapping[str, Kind] = {
+STEP_PROPOSALS: Mapping[str, Kind] = {
     "row": _row,
-    "two rows": _two,
-    "object": _object,
-    "all": _all,
-    "redraw row": _redraw_row,
-    "redraw two rows": _redraw_two,
-    "redraw object": _redraw_object,
+    "two rows": lambda draw: draw.walk(draw.row_deck.deal(2)),  # for scenes in which another atom becomes active
+    "object": lambda draw: draw.walk(draw.pick(1)[0].rows),
+    "all": lambda draw: draw.walk(range(draw.chain_state.dimension)),
+    "redraw row": lambda draw: _redraw(draw, draw.row_deck.deal()),
+    "redraw two rows": lambda draw: _redraw(draw, draw.row_deck.deal(2)),
+    "redraw object": lambda draw: _redraw(draw, draw.pick(1)[0].rows),
     "redraw axis": _redraw_axis,
     "difference": _difference,
-    "pair": _pair,
-    "shift all": _shift_all,
-    "shift some": _shift_some,
+    "pair": lambda draw: draw.walk([row for part in draw.pick(2) for row in part.rows]),
+    "shift all": lambda draw: _shift(draw, draw.chain_state.parts),
+    "shift some": lambda draw: _shift(draw, draw.pick(int(draw.rng.integers(2, len(draw.chain_state.parts) + 1)))),
     "shift run": _shift_run,
     "turn": _turn,
     "stretch": _stretch,
 }
-SCALED = frozenset(
-    {
-        "row",
-        "two rows",
-        "object",
-        "pair",
-        "all",
-        "shift all",
-        "shift some",
-        "shift run",
-        "turn",
-        "stretch",
-        "difference",
-    }
-)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Moves that are their own inverse: mirror images of the table and exchanges of objects, each with probability 1/2 per
-# chain.
-#
-# They lead directly from one mode of a symmetric spec to another, such as from "a left of b" to "b left of a", where
-# small steps would have to cross scenes out of range.
+SCALED_KINDS = frozenset(kind for kind in STEP_PROPOSALS if not kind.startswith("redraw"))
 
 
 def _flip(draw: MoveInputs) -> MoveProposal:
@@ -352,7 +291,7 @@ def _flip(draw: MoveInputs) -> MoveProposal:
     )
 
 
-def _alike(
+def _exchangeable_rows(
     chain_state: ChainState, first: ChainObject, second: ChainObject, axes: Sequence[int]
 ) -> list[tuple[int, int]]:
     """The rows that two objects can exchange: those that move in both and have the same limits."""
@@ -367,7 +306,7 @@ def _exchange(draw: MoveInputs, pairs: Sequence[tuple[ChainObject, ChainObject]]
     rows: list[int] = []
     values: Rows = []
     for first, second in pairs:
-        for a, b in _alike(draw.chain_state, first, second, axes):
+        for a, b in _exchangeable_rows(draw.chain_state, first, second, axes):
             rows += [a, b]
             values += [draw.rows[b], draw.rows[a]]
     return MoveProposal(tuple(rows), tuple(values), draw.coin(), parting=False)
@@ -408,15 +347,15 @@ def _symmetry(swapping: bool, along_x: bool, along_y: bool, exchange: bool) -> K
                 if row_ is not None and mirrored:
                     new[row_] = high[row_] + low[row_] - new[row_]
             if turning and part.theta is not None and chain_state.circular[part.theta]:
-                new[part.theta] = _turned(new[part.theta], along_x, along_y, exchange)
+                new[part.theta] = _mirror_heading(new[part.theta], along_x, along_y, exchange)
         if swapping:
             first, second = draw.pick(2)
             # An object without a moving x or y, or with other limits of its place, is mirrored in another way: with an
             # exchange the map would not be its own inverse.
-            places = _alike(chain_state, first, second, PLACE)
-            if _places(first) != _places(second) or len(places) < sum(_places(first)):
+            places = _exchangeable_rows(chain_state, first, second, PLACE)
+            if _moving_axes(first) != _moving_axes(second) or len(places) < sum(_moving_axes(first)):
                 return MoveProposal((), (), parting=False)
-            for a, b in _alike(chain_state, first, second, EVERY):
+            for a, b in _exchangeable_rows(chain_state, first, second, EVERY):
                 new[a], new[b] = new[b], new[a]
         moved = [(row, value) for row, value in new.items() if value is not draw.rows[row]]
         return MoveProposal(tuple(row for row, _ in moved), tuple(value for _, value in moved), draw.coin(), False)
@@ -424,11 +363,11 @@ def _symmetry(swapping: bool, along_x: bool, along_y: bool, exchange: bool) -> K
     return move
 
 
-def _places(part: ChainObject) -> tuple[bool, bool]:
+def _moving_axes(part: ChainObject) -> tuple[bool, bool]:
     return part.x is not None, part.y is not None
 
 
-def _turned(theta: Array, along_x: bool, along_y: bool, exchange: bool) -> Array:
+def _mirror_heading(theta: Array, along_x: bool, along_y: bool, exchange: bool) -> Array:
     """The heading after the table has been mirrored: theta -> pi/2 - theta, then pi - theta, then -theta."""
     if exchange:
         theta = 0.5 * math.pi - theta
@@ -439,7 +378,7 @@ def _turned(theta: Array, along_x: bool, along_y: bool, exchange: bool) -> Array
     return np.mod(theta, TWO_PI)
 
 
-MIRRORS: Mapping[str, Kind] = {
+MIRROR_PROPOSALS: Mapping[str, Kind] = {
     "mirror x": _symmetry(False, True, False, False),
     "mirror y": _symmetry(False, False, True, False),
     "half turn": _symmetry(False, True, True, False),
@@ -454,37 +393,32 @@ MIRRORS: Mapping[str, Kind] = {
     "swap, exchange axes": _symmetry(True, False, False, True),
     "swap, exchange axes, half turn": _symmetry(True, True, True, True),
 }
-_TURN = (frozenset({"half turn"}), frozenset({"mirror x", "mirror y"}))
+HALF_TURNS = (frozenset({"half turn"}), frozenset({"mirror x", "mirror y"}))
 # Compositions of other mirrors, each with its own random choice.
-COMPOSED: Mapping[str, tuple[frozenset[str], ...]] = {
-    "half turn": _TURN[1:],
-    "exchange axes, half turn": tuple(others | {"exchange axes"} for others in _TURN),
+COMPOSED_MIRRORS: Mapping[str, tuple[frozenset[str], ...]] = {
+    "half turn": HALF_TURNS[1:],
+    "exchange axes, half turn": tuple(others | {"exchange axes"} for others in HALF_TURNS),
     "swap, mirror x": (frozenset({"swap", "mirror x"}),),
     "swap, mirror y": (frozenset({"swap", "mirror y"}),),
-    "swap, half turn": tuple(others | {"swap"} for others in _TURN),
+    "swap, half turn": tuple(others | {"swap"} for others in HALF_TURNS),
     "swap, exchange axes": (frozenset({"swap", "exchange axes"}),),
     "swap, exchange axes, half turn": (
         frozenset({"swap", "exchange axes, half turn"}),
-        *(others | {"swap", "exchange axes"} for others in _TURN),
+        *(others | {"swap", "exchange axes"} for others in HALF_TURNS),
     ),
 }
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The table of the kinds of moves.
-
-
-MOVES: Mapping[str, Kind] = {**STEPS, **MIRRORS}
-_COUPLED = frozenset(
-    {"pair", "shift all", "shift some", "shift run", "turn", "stretch", "flip"}
-)  # and all moves that are swaps or reversals of the order
+MOVE_PROPOSALS: Mapping[str, Kind] = {**STEP_PROPOSALS, **MIRROR_PROPOSALS}
+# and all moves that are swaps or reversals of the order
+COUPLED_KINDS = frozenset({"pair", "shift all", "shift some", "shift run", "turn", "stretch", "flip"})
 
 
 def moves_for(chain_state: ChainState) -> tuple[str, ...]:
     """The kinds of moves that apply to a chain_state: those of two objects need two."""
-    kinds = list(MOVES)
+    kinds = list(MOVE_PROPOSALS)
     if len(chain_state.parts) == 1:
-        kinds = [kind for kind in kinds if kind not in _COUPLED and "swap" not in kind and kind != "reverse"]
+        kinds = [kind for kind in kinds if kind not in COUPLED_KINDS and "swap" not in kind and kind != "reverse"]
     if chain_state.dimension == 1:
         kinds.remove("two rows")
         kinds.remove("redraw two rows")

@@ -5,7 +5,7 @@ moves under the base distribution, and are thinned until successive scenes are n
 long chains; the report says how far from it a run is. If scenes are spread over cells, the chains visit all cells, with
 weights that make the cells equally frequent, so one descent serves every cell.
 
-The plan is made once; piece k is an independent population that follows it (`run_piece`), wherever it runs.
+The plan is made once; piece k is an independent population that follows it (`Splitting.draw`), wherever it runs.
 """
 
 from __future__ import annotations
@@ -23,27 +23,25 @@ from scenegen.lang.formula.core import REQUIRE
 from scenegen.sampling.plan import Account, NoPlan, Piece, Plan, Record, Tally, digest
 from scenegen.sampling.problem import Problem
 from scenegen.sampling.report import BLAME_SCENES, probability_info, shortfall, too_early
-from scenegen.sampling.splitting.chain_state import ChainTape, frame_of
+from scenegen.sampling.splitting.chain_state import ChainTape, chain_state_of
 from scenegen.sampling.splitting.chains import NEGLIGIBLE, Chains, Statistics, design_effect, forgetting
 from scenegen.sampling.splitting.levels import Descent, Schedule, Stage, follow
 from scenegen.sampling.splitting.moves import Tuning
-from scenegen.sampling.splitting.tuning import LONGEST, Tuner, even_out
+from scenegen.sampling.splitting.tuning import MAX_THINNING, Tuner, even_out
 from scenegen.sampling.streams import SPLITTING_STREAM
 from scenegen.search.effort import NEVER, Budget, Stop, StoppedError, moving_seconds
 
-FACTS = 9  # of a piece, and two for each statistic
-_SETTLING = 2  # factor on the thinning: so many moves decorrelate survivors of one ancestor
-FEWEST = 4  # minimum number of pieces: the error bar of the probability is their spread
-BARREN = 8  # a run ends after so many pieces in a row without a new scene
+SPLITTING_FACTS = 9  # of a piece, and two for each statistic
+SETTLE_FACTOR = 2  # factor on the thinning: so many moves decorrelate survivors of one ancestor
+MIN_PIECES = 4  # minimum number of pieces: the error bar of the probability is their spread
 
 
-KEPT = 0.5  # share of the chains that makes a level
-PIECES = 8  # pieces of a request that is large enough
-CHAINS = 8192  # chains of a piece: a row of this length stays in the cache, and numpy's overhead per call is small
-ENSEMBLE = CHAINS // 2  # chains of the plan: one process makes it, so more would only keep others waiting
-LEAST_CHAINS = 1024  # of a piece: with fewer ancestors the shares of modes would be noisy
-TAKES = 16  # maximum number of scenes from one chain
-NUMBERS = 1 << 21  # maximum number of coordinates of a piece's chains
+TARGET_PIECES = 8  # pieces of a request that is large enough
+MAX_CHAINS = 8192  # chains of a piece: a row of this length stays in the cache, and numpy's overhead per call is small
+PLAN_CHAINS = MAX_CHAINS // 2  # chains of the plan: one process makes it, so more would only keep others waiting
+MIN_CHAINS = 1024  # of a piece: with fewer ancestors the shares of modes would be noisy
+MAX_TAKES = 16  # maximum number of scenes from one chain
+MAX_CHAIN_COORDINATES = 1 << 21  # maximum number of coordinates of a piece's chains
 
 
 def generator(seed: int, piece: int) -> np.random.Generator:
@@ -51,7 +49,7 @@ def generator(seed: int, piece: int) -> np.random.Generator:
     return np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, SPLITTING_STREAM, piece + 1])))
 
 
-def _aside(seed: int, piece: int) -> np.random.Generator:
+def _side_generator(seed: int, piece: int) -> np.random.Generator:
     """Random numbers for the processing of the finished scenes of piece k, or of the plan (-1)."""
     return np.random.default_rng(np.random.SeedSequence([seed, SPLITTING_STREAM, piece + 1, 1]))
 
@@ -77,61 +75,59 @@ class SplittingStalled(NoPlan):
         if not self.phi:
             return RequestError(too_early(problem, tried, len(problem.possible)))
         shown = min(len(self.phi[0]), BLAME_SCENES)
-        rng = _aside(problem.request.seed, -1)
-        rows = frame_of(problem).complete([row[:shown] for row in self.rows], problem.lowest, problem.highest, rng)
+        rng = _side_generator(problem.request.seed, -1)
+        rows = chain_state_of(problem).complete(
+            [row[:shown] for row in self.rows], problem.lowest, problem.highest, rng
+        )
         return RequestError(shortfall(problem, 0, tried, rows, np.array([phi[:shown] for phi in self.phi])))
 
 
 def make_schedule(problem: Problem, budget: Budget, most: float = np.inf) -> Schedule | SplittingStalled:
     """The plan for a problem; SplittingStalled if the range cannot be reached, or time is up. The descent may take
     `most` evaluations."""
+    descent = None
     try:
         descent = _SceneDescent(problem, budget, most)
+        return descent.plan()
     except StoppedError:
-        return SplittingStalled("time", (), (), 0, 0)
-    return descent.plan()
+        return SplittingStalled("time", (), (), 0, 0) if descent is None else descent.stall("time")
 
 
 class _SceneDescent(Descent[Chains]):
     """The descent of a request for scenes."""
 
-    kept = KEPT
+    kept = 0.5
 
     def __init__(self, problem: Problem, budget: Budget, most: float = np.inf) -> None:
         self._problem, self._budget, self._most = problem, budget, most
-        chain_state, cells = frame_of(problem), problem.cells
-        most = max(256, NUMBERS // chain_state.dimension)
-        least, n = max(LEAST_CHAINS, 8 * cells.count), problem.request.n * 51 // 50  # rounding takes a few out of range
-        self._size = min(most, CHAINS, max(least, -(-n // PIECES)))
-        self._takes = min(TAKES, -(-n // (PIECES * self._size)))
+        chain_state, cells = chain_state_of(problem), problem.cells
+        most = max(256, MAX_CHAIN_COORDINATES // chain_state.dimension)
+        least, n = max(MIN_CHAINS, 8 * cells.count), problem.request.n * 51 // 50  # rounding takes a few out of range
+        self._size = min(most, MAX_CHAINS, max(least, -(-n // TARGET_PIECES)))
+        self._takes = min(MAX_TAKES, -(-n // (TARGET_PIECES * self._size)))
         if self._takes > 1:  # as many pieces as planned, none for a few last scenes
-            self._size = min(self._size, max(least, -(-n // (PIECES * self._takes))))
-        ensemble = min(most, max(ENSEMBLE, least))
+            self._size = min(self._size, max(least, -(-n // (TARGET_PIECES * self._takes))))
+        ensemble = min(most, max(PLAN_CHAINS, least))
         tape = ChainTape(chain_state, stop=budget)
         super().__init__(Chains.start(chain_state, tape, cells, ensemble, generator(problem.request.seed, -1)))
         self._tuner = Tuner(self.chains)
 
     def plan(self) -> Schedule | SplittingStalled:
-        try:
-            return self._plan()
-        except StoppedError:
-            return self._stalled("time")
-
-    def _plan(self) -> Schedule | SplittingStalled:
+        """The schedule. Raises StoppedError if time is up."""
         cells, labels, chains = self._problem.cells, tuple(self._problem.core.labels), self.chains
         if not self.reach(cells, [len(labels) - 1] if labels[-1] == REQUIRE else []):
-            return self._stalled("time" if self._budget.spent else "range")
+            return self.stall("time" if self._budget.spent else "range")
         levels, reached = len(self.stages), frozenset({0})
         if cells.count > 1:
             for region, moves in even_out(chains, self._tuner):
                 self.stages.append(Stage(region, self._tuner.tuning(), moves))
                 if self._budget.spent:
-                    return self._stalled("time")
+                    return self.stall("time")
             assert chains.region.weights is not None
             reached = frozenset(map(int, np.flatnonzero(chains.region.weights)))
         statistics = Statistics(chains.chain_state, self._budget)
         tuning = self._tuner.tune(statistics)
-        memory = forgetting(chains, statistics, tuning, LONGEST)
+        memory = forgetting(chains, statistics, tuning, MAX_THINNING)
         self.stages[-1] = replace(self.stages[-1], tuning=tuning)
         evaluations = chains.evaluations + self._tuner.evaluations
         stages = tuple(self.stages)
@@ -141,45 +137,28 @@ class _SceneDescent(Descent[Chains]):
         moves = self._tuner.adapt()
         return self._tuner.tuning(), moves
 
-    def over(self) -> bool:
+    def is_over(self) -> bool:
         return self._budget.spent or self.chains.evaluations > self._most
 
-    def _stalled(self, why: Literal["time", "range"]) -> SplittingStalled:
+    def stall(self, why: Literal["time", "range"]) -> SplittingStalled:
         evaluations = self.chains.evaluations + self._tuner.evaluations
-        return SplittingStalled(why, tuple(self.chains.rows), tuple(self.chains.phi), evaluations, len(self.stages))
-
-
-@dataclass(frozen=True, slots=True)
-class PopulationScenes:
-    """Scenes of one population: rows (3N, B), phi (L, B), all in range, in the order in which they were taken.
-
-    `probability` is its estimate of the probability of the range under the base distribution, unbiased because its
-    levels are fixed; `accepted` is the mean acceptance rate while scenes were taken, `stuck` the share of chains that
-    had not moved between two takes, `effect` (S,) the design effect of its ancestors on each statistic.
-    """
-
-    rows: Array
-    phi: Array
-    probability: float
-    accepted: float
-    stuck: float
-    effect: Array
-    evaluations: int
+        return SplittingStalled(why, tuple(self.chains.rows), tuple(self.chains.scores), evaluations, len(self.stages))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Splitting(Plan):
     """A plan for one request; `stop` can interrupt its pieces and does not change their results. The facts of a piece
     are: 1 if it survived, its estimate of the probability, the square and the logarithm of that and the square of this
-    (0 if it did not survive), the acceptance rate and the share
-    stuck, its scenes, its evaluations, then the design effects and their squares."""
+    (0 if it did not survive), the mean acceptance rate while scenes were taken, the share of chains that had not moved
+    between two takes, its scenes, its evaluations, then the design effects of its ancestors on each statistic and their
+    squares."""
 
     schedule: Schedule
     stop: Stop = NEVER
 
     method: ClassVar[str] = "splitting"
-    fewest: ClassVar[int] = FEWEST
-    patience: ClassVar[int] = BARREN
+    fewest: ClassVar[int] = MIN_PIECES
+    patience: ClassVar[int] = 8  # pieces in a row without a new scene
 
     @property
     def plan_digest(self) -> str:
@@ -193,10 +172,10 @@ class Splitting(Plan):
 
     @property
     def fact_count(self) -> int:
-        frame = frame_of(self.problem)
+        frame = chain_state_of(self.problem)
         chains = Chains.start(frame, ChainTape(frame), self.cells, 2, np.random.default_rng(0))
         with np.errstate(all="ignore"):
-            return FACTS + 2 * len(Statistics(frame)(chains))
+            return SPLITTING_FACTS + 2 * len(Statistics(frame)(chains))
 
     @property
     def scenes_per_piece(self) -> float:
@@ -210,39 +189,59 @@ class Splitting(Plan):
     def _moves(self) -> int:
         """How often all chains of a piece move, in all pieces; to begin counts as a move."""
         plan = self.schedule
-        moves = sum(stage.moves for stage in plan.stages) + (_SETTLING + plan.takes - 1) * plan.thinning
-        return max(FEWEST, -(-self.wanted // (plan.chains * plan.takes))) * (1 + moves)
+        moves = sum(stage.moves for stage in plan.stages) + (SETTLE_FACTOR + plan.takes - 1) * plan.thinning
+        return max(MIN_PIECES, -(-self.wanted // (plan.chains * plan.takes))) * (1 + moves)
 
     @property
     def seconds(self) -> float:
         return moving_seconds(self.problem.core.nodes, self.schedule.chains * self._moves, self._moves)
 
+    @np.errstate(all="ignore")
     def draw(self, k: int) -> Piece:
-        """Piece k. Raises StoppedError if time is up meanwhile."""
-        made = run_piece(self.problem, self.schedule, k, self.stop)
-        order = _aside(self.seed, k).permutation(made.rows.shape[1])  # survivors of one ancestor are next to each other
-        rows, phi = made.rows.take(order, axis=1), made.phi.take(order, axis=1)
-        log = math.log(made.probability) if made.probability else 0.0
-        facts = [
-            float(len(made.effect) > 0),
-            made.probability,
-            made.probability**2,
-            log,
-            log**2,
-            made.accepted,
-            made.stuck,
-            float(len(order)),
-            float(made.evaluations),
-            *made.effect,
-            *made.effect**2,
-        ]
-        return Piece(rows, phi, self.cells.find(phi), np.array(facts))
+        """Piece k: a population of its own that follows the schedule, always the same, in any process. Raises
+        StoppedError if time is up meanwhile."""
+        problem, plan = self.problem, self.schedule
+        chain_state, rng = chain_state_of(problem), generator(self.seed, k)
+        chains = Chains.start(chain_state, ChainTape(chain_state, stop=self.stop), problem.cells, plan.chains, rng)
+        estimate, _ = follow(chains, plan.stages)
+        if not estimate:  # it died out on a level: its estimate of 0 keeps the mean unbiased
+            rows, phi = np.empty((len(problem.lowest), 0)), np.empty((len(problem.core.labels), 0))
+            none = np.array([*np.zeros(SPLITTING_FACTS - 1), float(chains.evaluations)])
+            return Piece(rows, phi, np.empty(0, dtype=np.intp), none)
+        statistics = Statistics(chain_state, self.stop)
+        tuning = plan.stages[-1].tuning
+        chains.pool = list(chains.rows)
+        for _ in range(SETTLE_FACTOR):
+            chains.reflect(tuning)
+            accepted = chains.run(plan.thinning, tuning)
+        effect = design_effect(chains, statistics(chains))
+        parts: list[Array] = []
+        stuck = 0
+        for take in range(plan.takes):
+            if take:
+                chains.reflect(tuning)
+                accepted = chains.run(plan.thinning, tuning)
+            index = chains.take()
+            stuck += chains.count - len(index)
+            taken = [row[index] for row in chains.rows]
+            parts.append(chain_state.complete(taken, problem.lowest, problem.highest, rng))
+        rows = np.concatenate(parts, axis=1)
+        phi = problem.phi(rows)
+        good = np.isin(problem.cells.find(phi), np.fromiter(plan.cells, dtype=np.intp))
+        # survivors of one ancestor are next to each other: they are mixed
+        order = np.flatnonzero(good)[_side_generator(self.seed, k).permutation(np.count_nonzero(good))]
+        rows, phi = rows.take(order, axis=1), phi.take(order, axis=1)
+        log, share = math.log(estimate), stuck / (chains.count * plan.takes)
+        facts = [1.0, estimate, estimate**2, log, log**2, accepted, share, len(order), chains.evaluations]
+        return Piece(rows, phi, self.cells.find(phi), np.array([*facts, *effect, *effect**2]))
 
     def account(self, tally: Tally) -> Account:
         """What the scene file says about the run, and the warnings for the user."""
         plan = self.schedule
-        alive, total, square, log, log_square, accepted, stuck, scenes, made, *effects = tally.facts or (0.0,) * FACTS
-        effect = _worst(alive, np.array(effects).reshape(2, -1))
+        alive, total, square, log, log_square, accepted, stuck, scenes, made, *effects = (
+            tally.facts or (0.0,) * SPLITTING_FACTS
+        )
+        effect = _worst_effect(alive, np.array(effects).reshape(2, -1))
         within = (1.0 + plan.left) / max(1.0 - plan.left, 1e-6) if plan.takes > 1 else 1.0
         evaluations = plan.evaluations + int(made)
         info: dict[str, object] = {
@@ -268,12 +267,13 @@ class Splitting(Plan):
         return Account(info, f"{evaluations:,} evaluations of splitting", warnings)
 
 
+@np.errstate(all="ignore")
 def plan_splitting(problem: Problem, budget: Budget, *, longest: float = math.inf) -> Splitting | SplittingStalled:
     """The plan of a problem; SplittingStalled if its range is not reached. There must be something to move: see
-    `moves`. The descent may take `longest` seconds, by the constants of search.effort."""
-    with np.errstate(all="ignore"):  # phi may overflow or be undefined far from the range: such scenes are rejected
-        most = longest / moving_seconds(problem.core.nodes, ENSEMBLE, 1.0) * ENSEMBLE
-        plan = make_schedule(problem, budget, most)
+    `moves`. The descent may take `longest` seconds, by the constants of search.effort. phi may overflow or be undefined
+    far from the range: such scenes are rejected."""
+    most = longest / moving_seconds(problem.core.nodes, PLAN_CHAINS, 1.0) * PLAN_CHAINS
+    plan = make_schedule(problem, budget, most)
     return plan if isinstance(plan, SplittingStalled) else Splitting(problem, plan, budget)
 
 
@@ -285,51 +285,7 @@ def make_plan(problem: Problem, budget: Budget) -> Splitting:
     return plan
 
 
-def run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop = NEVER) -> PopulationScenes:
-    """Piece `number` of a plan: always the same scenes, in any process. Raises what `stop` raises."""
-    with np.errstate(all="ignore"):
-        return _run_piece(problem, plan, number, stop)
-
-
-def _run_piece(problem: Problem, plan: Schedule, number: int, stop: Stop) -> PopulationScenes:
-    chain_state, rng = frame_of(problem), generator(problem.request.seed, number)
-    chains = Chains.start(chain_state, ChainTape(chain_state, stop=stop), problem.cells, plan.chains, rng)
-    estimate, _ = follow(chains, plan.stages)
-    if not estimate:
-        return _nothing(problem, chains.evaluations)
-    statistics = Statistics(chain_state, stop)
-    tuning = plan.stages[-1].tuning
-    chains.pool = list(chains.rows)
-    for _ in range(_SETTLING):
-        chains.reflect(tuning)
-        accepted = chains.run(plan.thinning, tuning)
-    effect = design_effect(chains, statistics(chains))
-    parts: list[Array] = []
-    stuck = 0
-    for take in range(plan.takes):
-        if take:
-            chains.reflect(tuning)
-            accepted = chains.run(plan.thinning, tuning)
-        index = chains.take()
-        stuck += chains.count - len(index)
-        parts.append(chain_state.complete([row[index] for row in chains.rows], problem.lowest, problem.highest, rng))
-    rows = np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
-    phi = problem.phi(rows)
-    good = np.isin(problem.cells.find(phi), np.fromiter(plan.cells, dtype=np.intp))
-    if not good.all():
-        rows, phi = rows[:, good], phi[:, good]
-    share = stuck / (chains.count * plan.takes)
-    return PopulationScenes(rows, phi, estimate, accepted, share, effect, chains.evaluations)
-
-
-def _nothing(problem: Problem, evaluations: int) -> PopulationScenes:
-    """A piece whose population died out on a level: its estimate of the probability is 0, which keeps the mean
-    unbiased."""
-    rows, phi = np.empty((len(problem.lowest), 0)), np.empty((len(problem.core.labels), 0))
-    return PopulationScenes(rows, phi, 0.0, 0.0, 0.0, np.empty(0), evaluations)
-
-
-def _worst(count: float, effects: Array) -> float:
+def _worst_effect(count: float, effects: Array) -> float:
     """The largest design effect of any statistic. Among a few hundred estimates some are large by chance, so two
     standard errors over the pieces are subtracted from each. `effects` (2, S) are sums and sums of squares over `count`
     pieces."""

@@ -320,7 +320,7 @@ TEXT_REACH = "object a, b\nrequire dist(a, b) >= 10 cm\ntask: dist(a, b) <= 30 c
 def grown(monkeypatch):
     """Chains find nothing; growth takes little time."""
     monkeypatch.setattr(balanced_reach, "measure", lambda *given, **more: RequirementUnmet(-0.1, 1))
-    monkeypatch.setattr(rarity, "EFFORT", 2e7)
+    monkeypatch.setattr(rarity, "TAIL_EFFORT", 2e7)
 
 
 def test_growth_tells_what_chains_do_not_reach(grown):

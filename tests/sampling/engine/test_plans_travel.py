@@ -60,10 +60,10 @@ def model(tmp_path_factory):
 def plans(model):
     """Plans by kind."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("scenegen.sampling.growth.sampler.LEAST", 128)
-        patch.setattr("scenegen.sampling.growth.sampler.MOST", 256)
-        patch.setattr("scenegen.sampling.splitting.sampler.CHAINS", 256)
-        patch.setattr("scenegen.sampling.splitting.sampler.LEAST_CHAINS", 256)
+        patch.setattr("scenegen.sampling.growth.sampler.MIN_POPULATION", 128)
+        patch.setattr("scenegen.sampling.growth.sampler.MAX_POPULATION", 256)
+        patch.setattr("scenegen.sampling.splitting.sampler.MAX_CHAINS", 256)
+        patch.setattr("scenegen.sampling.splitting.sampler.MIN_CHAINS", 256)
         return {kind: _plan(kind, model) for kind in KINDS}
 
 

@@ -32,7 +32,7 @@ CASES = {
 def few_chains():
     """An eighth of splitting's usual chains."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("scenegen.sampling.splitting.sampler.CHAINS", 1024)
+        patch.setattr("scenegen.sampling.splitting.sampler.MAX_CHAINS", 1024)
         yield
 
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.interpret import evaluate
-from scenegen.sampling.growth.insertion import held_ways, look_out, newly
-from scenegen.sampling.growth.machine import Particles, make_machine
+from scenegen.sampling.growth.insertion import new_clauses, open_ways, update_choices
+from scenegen.sampling.growth.model import Particles, make_growth_model
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 
@@ -17,7 +17,7 @@ def posed(text, ranges=POSITIVE, n=16, seed=0, spread="base", fixed=None):
 
 
 def machine_of(text, ranges=POSITIVE, **words):
-    return make_machine(posed(text, ranges, **words))
+    return make_growth_model(posed(text, ranges, **words))
 
 
 def anywhere(problem, count, seed=0):
@@ -42,19 +42,20 @@ def node_values(core, rows):
     return np.array([evaluate(core, scene.tolist()) for scene in rows.T], dtype=np.float64).T
 
 
-def everything_placed(machine, rows, seed=0, stage=None):
+def everything_placed(model, rows, seed=0, stage=None):
     """Scenes (3N, P) as particles of which the objects up to `stage`, or all, are placed."""
     count = rows.shape[1]
     zeros = np.zeros(count, dtype=np.intp)
-    particles = Particles.start(machine, zeros, zeros, np.random.default_rng(seed))
+    particles = Particles.start(model, zeros, zeros, np.random.default_rng(seed))
     particles.scenes = rows.copy()
-    particles.stage = len(machine.order) - 1 if stage is None else stage
-    look_out(particles, newly(machine, particles.stage))
+    particles.stage = len(model.order) - 1 if stage is None else stage
+    update_choices(particles, new_clauses(model, particles.stage))
     return particles
 
 
-def ways_held(machine, choice, rows, stage=None):
+def ways_held(model, choice, rows, stage=None):
     """Which ways of a choice nothing placed by a stage, or at all, rules out: (W, B)."""
-    numbers = range(len(machine.graph.choices[choice].ways))
-    stage = len(machine.order) - 1 if stage is None else stage
-    return held_ways(machine, choice, numbers, list(rows), np.zeros(rows.shape[1], dtype=np.intp), stage)
+    numbers = range(len(model.graph.choices[choice].ways))
+    stage = len(model.order) - 1 if stage is None else stage
+    (held,) = open_ways(model, {choice: numbers}, list(rows), np.zeros(rows.shape[1], dtype=np.intp), stage)
+    return held

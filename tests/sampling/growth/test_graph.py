@@ -13,11 +13,11 @@ from scenegen.geometry import NUMPY
 from scenegen.geometry.footprint import POINT, Circle
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.interpret import phi
-from scenegen.sampling.growth.graph import components, make_graph, with_implied
-from scenegen.sampling.growth.machine import resample
+from scenegen.sampling.growth.graph import add_implied_atoms, components, make_graph
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
+from scenegen.sampling.resampling import resample_groups
 from scenegen.search.effort import Budget
 
 from .made import anywhere, everything_placed, machine_of, posed
@@ -102,11 +102,11 @@ def test_contraction_leaves_each_cell_its_box():
 
 
 def test_every_object_that_phi_depends_on_is_placed_once():
-    machine = machine_of("leftOf(a, b) & leftOf(c, d) & leftOf(e, c) & farFrom(f, (0.5, 0.5), 0.1)")
-    assert sorted(machine.order) == list(range(6))
-    assert [machine.at[thing] for thing in machine.order] == list(range(6))
+    model = machine_of("leftOf(a, b) & leftOf(c, d) & leftOf(e, c) & farFrom(f, (0.5, 0.5), 0.1)")
+    assert sorted(model.order) == list(range(6))
+    assert [model.at[thing] for thing in model.order] == list(range(6))
     # a group is finished before the next begins
-    places = [machine.at[thing] for thing in (2, 3, 4)]
+    places = [model.at[thing] for thing in (2, 3, 4)]
     assert max(places) - min(places) == 2
 
 
@@ -125,7 +125,7 @@ ROW = "object c[5] = box(0.1, 0.1, 0.1)\ntask: evenlySpaced(c, 2 cm) & leftOf(c[
 
 def test_phi_stays_and_there_is_more_to_meet():
     core = check_text(ROW).core
-    more = with_implied(core)
+    more = add_implied_atoms(core)
     assert len(more.nodes) > len(core.nodes)
     rows = list(anywhere(posed(ROW, {}), 2000))
     one, two = (phi(part, rows, NUMPY)["task"] for part in (core, more))
@@ -134,13 +134,13 @@ def test_phi_stays_and_there_is_more_to_meet():
 
 def test_a_core_without_means_stays_itself():
     core = check_text("leftOf(a, b) & closeTo(b, c, 0.2)").core
-    assert with_implied(core) is core
+    assert add_implied_atoms(core) is core
 
 
 @pytest.mark.parametrize("size", [4, 6])
 def test_rows_are_scored_from_the_third_object_on(size):
-    machine = machine_of(f"object c[{size}] = box(0.1, 0.1, 0.1)\ntask: evenlySpaced(c, 2 cm)\n")
-    sizes = {len(clause.objects) for clause in machine.graph.clauses}
+    model = machine_of(f"object c[{size}] = box(0.1, 0.1, 0.1)\ntask: evenlySpaced(c, 2 cm)\n")
+    sizes = {len(clause.objects) for clause in model.graph.clauses}
     assert min(sizes) == 3 and max(sizes) == size
 
 
@@ -192,7 +192,7 @@ def test_cells_that_no_scene_reaches_are_left_out():
 def test_the_deciding_atom_is_one_more_choice():
     """min(d1, d2) in a band: which of the two is the smaller one comes in equal shares."""
     plan = planned("leftOf(a, b) & leftOf(b, c)", {"task": Range(0.1, 0.12)}, 2000, spread="base")
-    assert len(plan.machine.graph.choices) == 1
+    assert len(plan.model.graph.choices) == 1
     made = plan.draw(1)  # larger than the first
     x = made.rows[0::3]
     first = x[1] - x[0] < x[2] - x[1]
@@ -208,7 +208,7 @@ def test_copies_are_as_many_as_weights_say_on_average_and_nearly_so_always():
     wanted = weights / weights.mean()
     counts = np.zeros((runs, 8))
     for run in range(runs):
-        keep, mean = resample(weights, group, rng)
+        keep, mean = resample_groups(weights, group, rng)
         counts[run] = np.bincount(keep, minlength=8)
         assert len(keep) == 8 and (mean == weights.mean()).all()
     assert (np.abs(counts - wanted) < 1.0 + 1e-9).all()
@@ -219,15 +219,15 @@ def test_copies_are_as_many_as_weights_say_on_average_and_nearly_so_always():
 def test_groups_keep_to_themselves_and_the_dead_are_left_out():
     weights = np.array([1.0, 0.0, 0.0, 0.0, 3.0, 1.0, 2.0, 2.0])
     group = np.array([0, 0, 1, 1, 2, 2, 3, 3])
-    keep, mean = resample(weights, group, np.random.default_rng(1))
+    keep, mean = resample_groups(weights, group, np.random.default_rng(1))
     assert keep[:2].tolist() == [0, 0] and (group[keep] == [0, 0, 2, 2, 3, 3]).all()
     assert keep[4:].tolist() == [6, 7]  # equal weights: everyone goes on as they are
     assert mean.tolist() == [0.5, 0.5, 0.0, 0.0, 2.0, 2.0, 2.0, 2.0]
 
 
 def test_copies_know_their_ancestors():
-    machine = machine_of("leftOf(a, b) & leftOf(b, c)")
-    particles = everything_placed(machine, anywhere(machine.problem, 5))
+    model = machine_of("leftOf(a, b) & leftOf(b, c)")
+    particles = everything_placed(model, anywhere(model.problem, 5))
     before = particles.scenes.copy()
     particles.take(np.array([1, 1, 3, 1, 4]))
     assert (particles.scenes == before[:, [1, 1, 3, 1, 4]]).all()

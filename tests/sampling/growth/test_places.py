@@ -11,11 +11,11 @@ import pytest
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.geometry.footprint import Box, Circle, Polygon
 from scenegen.lang.formula.core import Coord, Junction, children
-from scenegen.sampling.growth.insertion import _holds, held_ways
+from scenegen.sampling.growth.constraints import _edge_gap, keeps_distance
+from scenegen.sampling.growth.insertion import _drop_violations, open_ways
 from scenegen.sampling.growth.moves import MoveSettings
 from scenegen.sampling.growth.population import Grown, Step, grow
 from scenegen.sampling.growth.sampler import log_base
-from scenegen.sampling.growth.touch import _beyond, apart
 from scenegen.sampling.request import Range
 from scenegen.search.contract import push_down
 
@@ -25,14 +25,14 @@ from .made import POSITIVE, anywhere, everything_placed, machine_of, node_values
 
 def estimates(text, ranges=POSITIVE, *, islands=200, each=16, tries=2, sweeps=0, seed=0, **words):
     """Each island's estimate of the probability, (islands,)."""
-    machine = machine_of(text, ranges, **words)
+    model = machine_of(text, ranges, **words)
     count = islands * each
     cell, island = np.zeros(count, dtype=np.intp), np.arange(count) % islands
-    steps = [Step(tries, sweeps)] * len(machine.order)
+    steps = [Step(tries, sweeps)] * len(model.order)
     with np.errstate(divide="ignore"):
-        grown = grow(machine, cell, island, steps, MoveSettings({}), np.random.default_rng(seed))
+        grown = grow(model, cell, island, steps, MoveSettings({}), np.random.default_rng(seed))
     assert isinstance(grown, Grown)
-    return np.exp(grown.log_share + log_base(machine)).sum(axis=1), grown
+    return np.exp(grown.log_share + log_base(model)).sum(axis=1), grown
 
 
 def lens(d, r, s):
@@ -75,7 +75,9 @@ def test_the_mean_over_islands_is_the_probability(name, sweeps):
 def test_overlapping_branches_that_count_twice_would_be_seen(monkeypatch):
     """The same test rejects weights that do not look at how many branches hold a pose."""
     text, ranges, truth = KNOWN["overlapping branches"]
-    monkeypatch.setattr("scenegen.sampling.growth.room.Boxes.holding", lambda self, poses: np.ones(poses.shape[1:]))
+    monkeypatch.setattr(
+        "scenegen.sampling.growth.room.Boxes.branches_with", lambda self, poses: np.ones(poses.shape[1:])
+    )
     found, _ = estimates(text, ranges)
     assert abs(found.mean() - truth) > 10 * found.std(ddof=1) / math.sqrt(len(found))
 
@@ -122,34 +124,34 @@ def holding(boxes, poses):
     return (inside & (boxes.volumes > 0.0)[:, None]).sum(axis=0)
 
 
-def rooms(machine, rows, moving=False):
+def rooms(model, rows, moving=False):
     """For each object, its stage and its room given the others' poses in the scenes."""
     cell = np.zeros(rows.shape[1], dtype=np.intp)
-    for stage, thing in enumerate(machine.order):
-        at = len(machine.order) - 1 if moving else stage
-        yield thing, stage, machine.room(thing, at).boxes(rows, cell, machine.effort)
+    for stage, thing in enumerate(model.order):
+        at = len(model.order) - 1 if moving else stage
+        yield thing, stage, model.room(thing, at).boxes(rows, cell, model.effort)
 
 
 @pytest.mark.parametrize("moving", [False, True])
 @pytest.mark.parametrize("name", SPECS)
 def test_where_the_clauses_hold_the_pose_lies_in_some_branch(name, moving):
-    machine = machine_of(*SPECS[name])
-    good = plain(machine.problem, 300)
-    for thing, _, boxes in rooms(machine, good, moving):
-        poses = good[list(machine.touch[thing].rows)]
+    model = machine_of(*SPECS[name])
+    good = plain(model.problem, 300)
+    for thing, _, boxes in rooms(model, good, moving):
+        poses = good[list(model.constraints[thing].rows)]
         found = holding(boxes, poses[:, None])[0]
         assert found.min() >= 1
-        np.testing.assert_array_equal(boxes.holding(poses), found)
+        np.testing.assert_array_equal(boxes.branches_with(poses), found)
         assert (boxes.volumes.sum(axis=0) > 0).all()
 
 
 @pytest.mark.parametrize("name", SPECS)
 def test_a_branch_says_what_share_of_the_box_it_is(name):
-    machine = machine_of(*SPECS[name])
-    rows, rng = anywhere(machine.problem, 40), np.random.default_rng(0)
-    for thing, _, boxes in rooms(machine, rows):
-        mine = list(machine.touch[thing].rows)
-        low, high = machine.graph.low[mine, :1, None], machine.graph.high[mine, :1, None]
+    model = machine_of(*SPECS[name])
+    rows, rng = anywhere(model.problem, 40), np.random.default_rng(0)
+    for thing, _, boxes in rooms(model, rows):
+        mine = list(model.constraints[thing].rows)
+        low, high = model.graph.low[mine, :1, None], model.graph.high[mine, :1, None]
         draws = low + (high - low) * rng.random((len(mine), 2000, rows.shape[1]))
         held = holding(boxes, draws)
         # the volumes add up to the mean number of branches that hold a point of the box
@@ -160,28 +162,28 @@ def test_a_branch_says_what_share_of_the_box_it_is(name):
 
 def test_draws_are_uniform_over_the_room_by_volume():
     """Two branches that overlap: a draw lands in each by its volume, and evenly within."""
-    machine = machine_of(*SPECS["either side"])
-    ((_, _, boxes),) = rooms(machine, np.zeros((3, 1)))
+    model = machine_of(*SPECS["either side"])
+    ((_, _, boxes),) = rooms(model, np.zeros((3, 1)))
     assert boxes.low.shape[1] == 2
     np.testing.assert_allclose(boxes.volumes[:, 0] / boxes.volumes.sum(), [0.16 / 0.52, 0.36 / 0.52], atol=1e-3)
     poses = boxes.draw(20_000, np.random.default_rng(1))[:, :, 0]
     first = poses[0] < 0.3  # x in [0.1, 0.3]: in the first branch only
     assert abs(first.mean() - 0.08 / 0.52) < 0.01
-    assert abs(np.mean(boxes.holding(poses[:, :, None]) == 2) - 2 * 0.2 * 0.4 / 0.52) < 0.015
+    assert abs(np.mean(boxes.branches_with(poses[:, :, None]) == 2) - 2 * 0.2 * 0.4 / 0.52) < 0.015
 
 
 def test_an_object_that_cannot_be_placed_has_no_room():
     """It must be within 10 cm of a point and of another object, which stands far off."""
-    machine = machine_of("closeTo(a, b, 0.1) & closeTo(a, (0.2, 0.2), 0.1)")
+    model = machine_of("closeTo(a, b, 0.1) & closeTo(a, (0.2, 0.2), 0.1)")
     rows = np.array([[0.9], [0.9], [0.0]] * 2)
-    for thing, stage, boxes in rooms(machine, rows):
+    for thing, stage, boxes in rooms(model, rows):
         assert (boxes.volumes.sum(axis=0) == 0.0).all() == (stage == 1), thing
 
 
 def test_the_box_of_the_graph_holds_every_scene():
     for text, ranges in SPECS.values():
-        machine = machine_of(text, ranges)
-        good, graph = plain(machine.problem, 300), machine.graph
+        model = machine_of(text, ranges)
+        good, graph = plain(model.problem, 300), model.graph
         assert ((good >= graph.low[:, :1]) & (good <= graph.high[:, :1])).all()
 
 
@@ -207,7 +209,7 @@ def test_it_says_what_the_clearance_says(a, b, least):
     at, other = poses()
     gap = PRIMITIVES["gap"].evaluate(NUMPY, SHAPES[a], SHAPES[b], *at, *other)
     for limit in (least, np.full(len(gap), least)):
-        np.testing.assert_array_equal(apart(SHAPES[a], SHAPES[b], at, other, limit), gap >= limit)
+        np.testing.assert_array_equal(keeps_distance(SHAPES[a], SHAPES[b], at, other, limit), gap >= limit)
     assert 0.02 < np.mean(gap >= least) < 0.98
 
 
@@ -215,7 +217,7 @@ def test_it_says_what_the_clearance_says(a, b, least):
 def test_no_edge_parts_footprints_by_more_than_their_clearance(a, b):
     at, other = poses()
     gap = PRIMITIVES["gap"].evaluate(NUMPY, SHAPES[a], SHAPES[b], *at, *other)
-    beyond = _beyond(SHAPES[a], SHAPES[b], at, other)
+    beyond = _edge_gap(SHAPES[a], SHAPES[b], at, other)
     assert (beyond <= gap + 1e-12).all()
     np.testing.assert_allclose(beyond[gap < 0.0], gap[gap < 0.0], atol=1e-12)
 
@@ -241,7 +243,7 @@ SPECS_TOUCH = {
 
 
 @pytest.fixture(params=SPECS_TOUCH)
-def machine(request):
+def model(request):
     text, ranges, fixed = SPECS_TOUCH[request.param]
     return machine_of(text, ranges, fixed=fixed)
 
@@ -262,68 +264,68 @@ def free_objects(core, node, held):
     return found - held
 
 
-def test_stage_by_stage_it_is_the_whole_formula(machine):
+def test_stage_by_stage_it_is_the_whole_formula(model):
     """Scene by scene, against the scalar interpreter, whatever clauses and pairs were made of the formula."""
-    problem, core, count = machine.problem, machine.problem.core, 200
+    problem, core, count = model.problem, model.problem.core, 200
     rows = anywhere(problem, count)
     values = node_values(core, rows)
     held = {thing for thing in range(len(core.objects)) if problem.lowest[3 * thing] == problem.highest[3 * thing]}
     wanted = demanded(problem)
     cell = np.zeros(count, dtype=np.intp)
     running = np.ones(count, dtype=bool)
-    for stage, thing in enumerate(machine.order):
-        touch, placed = machine.touch[thing], set(machine.order[: stage + 1])
-        met = touch.meets(list(rows), cell, stage)
+    for stage, thing in enumerate(model.order):
+        constraints, placed = model.constraints[thing], set(model.order[: stage + 1])
+        met = constraints.meets(list(rows), cell, stage)
         running &= True if met is None else met
-        touch.clear((rows[3 * thing], rows[3 * thing + 1], rows[3 * thing + 2]), rows, cell, stage, running)
+        constraints.drop_near((rows[3 * thing], rows[3 * thing + 1], rows[3 * thing + 2]), rows, cell, stage, running)
         whole = np.ones(count, dtype=bool)
         for node, (low, high) in wanted.items():
-            if free_objects(core, node, held) <= placed and not _is_choice(machine, node):
+            if free_objects(core, node, held) <= placed and not _is_choice(model, node):
                 whole &= (values[node] >= low) & (values[node] <= high)
         np.testing.assert_array_equal(running, whole, err_msg=f"stage {stage}")
-    for choice in range(len(machine.graph.choices)):
-        running &= ways_held(machine, choice, rows).any(axis=0)
+    for choice in range(len(model.graph.choices)):
+        running &= ways_held(model, choice, rows).any(axis=0)
     final = problem.cells.find(problem.phi(rows)) >= 0
     np.testing.assert_array_equal(running, final)
     assert 3 <= final.sum() <= count - 20
 
 
-def _is_choice(machine, node):
-    at = machine.problem.core.nodes[node]
-    return isinstance(at, Junction) and len(free_objects(machine.problem.core, node, set())) > 1
+def _is_choice(model, node):
+    at = model.problem.core.nodes[node]
+    return isinstance(at, Junction) and len(free_objects(model.problem.core, node, set())) > 1
 
 
-def test_a_move_is_scored_like_the_whole_scene(machine):
+def test_a_move_is_scored_like_the_whole_scene(model):
     """One object of a good scene goes anywhere else: what touches it says whether the scene is still good."""
-    problem, rng = machine.problem, np.random.default_rng(1)
+    problem, rng = model.problem, np.random.default_rng(1)
     good = plain(problem, 120)
-    for thing in machine.order:
+    for thing in model.order:
         new = good.copy()
-        for row in machine.touch[thing].rows:
+        for row in model.constraints[thing].rows:
             new[row] = anywhere(problem, new.shape[1], rng.integers(1 << 30))[row]
         truth = problem.cells.find(problem.phi(new)) >= 0
         for some in (slice(None), slice(0, 9)):  # both ways of going about it: all scenes, or the few left
             said = np.zeros(len(truth), dtype=bool)
             said[some] = True
-            if machine.graph.choices:
+            if model.graph.choices:
                 continue
-            _holds(everything_placed(machine, good), (thing,), list(new), good, said)
+            _drop_violations(everything_placed(model, good), (thing,), list(new), good, said)
             np.testing.assert_array_equal(said[some], truth[some])
         assert truth.any() and not truth.all()
 
 
 def test_cells_have_their_own_ends():
     """Scored for its own cell each, a scene is good where it lies in that cell."""
-    machine = machine_of("leftOf(a, b) & farFrom(a, b, 0.1)", {"task": Range(0.1, 0.5)}, spread="flat")
-    problem, count = machine.problem, 4000
+    model = machine_of("leftOf(a, b) & farFrom(a, b, 0.1)", {"task": Range(0.1, 0.5)}, spread="flat")
+    problem, count = model.problem, 4000
     rows = anywhere(problem, count)
     cell = np.random.default_rng(2).integers(problem.cells.count, size=count)
     good = np.ones(count, dtype=bool)
-    for stage, thing in enumerate(machine.order):
-        met = machine.touch[thing].meets(list(rows), cell, stage)
+    for stage, thing in enumerate(model.order):
+        met = model.constraints[thing].meets(list(rows), cell, stage)
         good &= True if met is None else met
-        machine.touch[thing].clear(tuple(rows[3 * thing : 3 * thing + 3]), rows, cell, stage, good)
-    for choice in range(len(machine.graph.choices)):
-        good &= held_ways(machine, choice, range(2), list(rows), cell, len(machine.order) - 1).any(axis=0)
+        model.constraints[thing].drop_near(tuple(rows[3 * thing : 3 * thing + 3]), rows, cell, stage, good)
+    for choice in range(len(model.graph.choices)):
+        good &= open_ways(model, {choice: range(2)}, list(rows), cell, len(model.order) - 1).any(axis=0)
     np.testing.assert_array_equal(good, problem.cells.find(problem.phi(rows)) == cell)
     assert good.sum() > 10

@@ -20,9 +20,9 @@ from scenegen.resources import shipped_specs
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.growth import rarity as module
 from scenegen.sampling.growth.graph import Clause
-from scenegen.sampling.growth.machine import Particles, make_machine
-from scenegen.sampling.growth.population import AncestorEffect, spread_over
-from scenegen.sampling.growth.rarity import measure_vast
+from scenegen.sampling.growth.model import Particles, make_growth_model
+from scenegen.sampling.growth.population import AncestorEffect, spread_scenes
+from scenegen.sampling.growth.rarity import measure_by_growth
 from scenegen.sampling.growth.room import FreePoses
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rarity import measure, needs_growth
@@ -51,8 +51,8 @@ def grown(request):
     checked = check_text(CONJUNCTION)
     asked = SampleRequest({"task": Range(-0.25, 0.1)}, n=3200, spread=request.param, workers=1)
     problem = make_problem(checked, asked)
-    assert make_machine(problem).begin is None
-    begin = make_machine(problem, loose=True).begin
+    assert make_growth_model(problem).begin is None
+    begin = make_growth_model(problem, loose=True).begin
     assert begin is not None and len(begin) == problem.cells.count
     return problem, *(draw(problem, method=method) for method in ("growth", "rejection"))
 
@@ -79,19 +79,19 @@ def test_an_upper_end_that_few_scenes_meet_is_minded():
     problem = make_problem(
         check_text("leftOf(a, b)"), SampleRequest({"task": Range(0.0, 0.0005)}, n=100, spread="base")
     )
-    assert make_machine(problem, loose=True).begin is None
+    assert make_growth_model(problem, loose=True).begin is None
 
 
 def test_cells_that_differ_are_no_kinship():
     """Scenes of one ancestor are of one cell, and cells ask for different margins: independent scenes have no kin."""
     problem = make_problem(check_text(CONJUNCTION), SampleRequest({"task": Range(-0.25, 0.1)}, n=3200))
-    machine = make_machine(problem, loose=True)
-    cell, island = spread_over(machine, range(32), 2048)
-    particles = Particles.start(machine, cell, island, np.random.default_rng(0))
-    low, high = machine.graph.low[:, cell], machine.graph.high[:, cell]
+    model = make_growth_model(problem, loose=True)
+    cell, island = spread_scenes(model, range(32), 2048)
+    particles = Particles.start(model, cell, island, np.random.default_rng(0))
+    low, high = model.graph.low[:, cell], model.graph.high[:, cell]
     particles.scenes[:] = low + np.random.default_rng(1).random(low.shape) * (high - low)
     particles.families[:] = [island * 32 + cell]
-    assert AncestorEffect(machine)(particles) < 1.3
+    assert AncestorEffect(model)(particles) < 1.3
 
 
 @pytest.mark.parametrize("branches", [1, 2, 3])
@@ -131,9 +131,9 @@ def plain():
 @pytest.mark.long
 def test_growth_agrees_with_plain_rejection(plain, monkeypatch):
     """The means of six runs."""
-    monkeypatch.setattr(module, "EFFORT", 1e8)
+    monkeypatch.setattr(module, "TAIL_EFFORT", 1e8)
     task, drawn = plain
-    found = [measure_vast(check_text(TABLE), ("task",), seed=seed) for seed in range(6)]
+    found = [measure_by_growth(check_text(TABLE), ("task",), seed=seed) for seed in range(6)]
 
     def agree(ours, share, count):
         known = 0.85 * math.sqrt((1.0 - share) / (share * count))
@@ -151,11 +151,11 @@ def test_growth_agrees_with_plain_rejection(plain, monkeypatch):
 
 @pytest.mark.long
 def test_growth_and_splitting_agree(monkeypatch):
-    monkeypatch.setattr(module, "EFFORT", 1e8)
+    monkeypatch.setattr(module, "TAIL_EFFORT", 1e8)
     monkeypatch.setattr("scenegen.sampling.rarity.RARITY_VISITS", 500_000_000)
     spec = check_text(shipped_specs()["sort_5"].read_text(), "sort_5")
     (label,) = spec.labels
-    grown = measure_vast(spec, (label,)).reaches[label].up
+    grown = measure_by_growth(spec, (label,)).reaches[label].up
     split = measure(spec.core, *spec.box(), (label,)).reaches[label].up
     for t in (0.0, 0.05, 0.1):
         ours, theirs = grown(t), split(t)
@@ -165,9 +165,9 @@ def test_growth_and_splitting_agree(monkeypatch):
 @pytest.mark.long
 def test_what_is_known_in_closed_form(monkeypatch):
     """Twelve objects in order with 2 cm between: (1 - 11 * 2 cm)^12 / 12!, some 10^-10."""
-    monkeypatch.setattr(module, "EFFORT", 1e8)
+    monkeypatch.setattr(module, "TAIL_EFFORT", 1e8)
     spec = check_text("object b[12]\ntask: forall i in 1..11: x(b[i]) + 2 cm <= x(b[i + 1])")
-    found = measure_vast(spec, ("task",), up_only=True)
+    found = measure_by_growth(spec, ("task",), up_only=True)
     estimate = found.reaches["task"].up(0.0)
     truth = 12 * math.log10(1.0 - 0.22) - math.log10(math.factorial(12))
     assert found.requirement is None
@@ -176,15 +176,17 @@ def test_what_is_known_in_closed_form(monkeypatch):
 
 def test_a_label_that_most_scenes_share():
     """phi is -0.01 in 91 % of the scenes: levels begin above that."""
-    found = measure_vast(check_text("task: leftOf(a, b) & x(a) <= 0.3 & x(b) >= 0.7 | 0 * x(a) - 0.01 >= 0"), ("task",))
+    found = measure_by_growth(
+        check_text("task: leftOf(a, b) & x(a) <= 0.3 & x(b) >= 0.7 | 0 * x(a) - 0.01 >= 0"), ("task",)
+    )
     estimate = found.reaches["task"].up(0.0)
     assert abs(estimate.log10 - math.log10(0.09)) < SURE * estimate.error
 
 
 def test_the_same_seed_gives_the_same_numbers(monkeypatch):
-    monkeypatch.setattr(module, "EFFORT", 1e7)
+    monkeypatch.setattr(module, "TAIL_EFFORT", 1e7)
     spec = check_text(TABLE)
-    first, again, other = (measure_vast(spec, ("task",), seed, up_only=True) for seed in (2, 2, 3))
+    first, again, other = (measure_by_growth(spec, ("task",), seed, up_only=True) for seed in (2, 2, 3))
     assert first.requirement == again.requirement != other.requirement
     assert first.reaches["task"].up(0.0) == again.reaches["task"].up(0.0)
     assert first.evaluations == again.evaluations
@@ -214,13 +216,13 @@ def test_who_chooses_surfaces_is_grown():
 def test_what_is_satisfied_is_told_however_little_the_tail_may_take(monkeypatch):
     """P(phi >= 0) is (pi 0.02^2 * 0.02)^3, less what lies beyond the border; a single run level by level, which is
     all that the effort allows, stays far away."""
-    monkeypatch.setattr(module, "EFFORT", 0.0)
-    monkeypatch.setattr(module, "FEWEST", 1)
+    monkeypatch.setattr(module, "TAIL_EFFORT", 0.0)
+    monkeypatch.setattr(module, "MIN_RUNS", 1)
     close = " & ".join(
         f"dist(a[{k}], b[{k}]) <= 2 cm & abs(wrap(theta(a[{k}]) - theta(b[{k}]))) <= 3.6 deg" for k in (1, 2, 3)
     )
     spec = check_text(f"object a[3], b[3]\ntask: {close}")
-    at_zero = measure_vast(spec, spec.labels, up_only=True).reaches["task"].up(0.0)
+    at_zero = measure_by_growth(spec, spec.labels, up_only=True).reaches["task"].up(0.0)
     truth = 3.0 * math.log10(math.pi * 0.02**2 * 0.02)
     assert at_zero is not None and abs(at_zero.log10 - truth) < SURE * at_zero.error + 0.03
 
@@ -228,7 +230,7 @@ def test_what_is_satisfied_is_told_however_little_the_tail_may_take(monkeypatch)
 @pytest.mark.long
 def test_what_splitting_cannot_tell_growth_does(monkeypatch):
     """P(phi >= 0) is pi * (0.2 mm)^2 times 0.001 / pi, less what lies beyond the border."""
-    monkeypatch.setattr(module, "EFFORT", 1e8)
+    monkeypatch.setattr(module, "TAIL_EFFORT", 1e8)
     found = rarity(parse("task: dist(a, b) <= 0.2 mm & abs(wrap(theta(a) - theta(b))) <= 0.001"))
     (label,) = found.labels
     at_zero = next(level.above for level in label.levels if level.phi == 0.0)
@@ -238,8 +240,8 @@ def test_what_splitting_cannot_tell_growth_does(monkeypatch):
 
 @pytest.mark.long
 def test_a_table_that_is_too_full(monkeypatch):
-    monkeypatch.setattr(module, "EFFORT", 1e7)
-    monkeypatch.setattr(module, "FIRST", 1e8)
+    monkeypatch.setattr(module, "TAIL_EFFORT", 1e7)
+    monkeypatch.setattr(module, "FIRST_EFFORT", 1e8)
     full = "workspace [0, 0.5] x [0, 0.5]\nobject d[12] = cylinder(0.1, 0.1)\nrequire noOverlap() & insideWorkspace()\n"
     with pytest.raises(RequestError):
         rarity(parse(full + "task: leftOf(d[1], d[2])"))

@@ -12,8 +12,9 @@ import scenegen
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.sampling.engine.run import in_memory
-from scenegen.sampling.growth import machine as machine_module
-from scenegen.sampling.growth.failure import how_far, too_full
+from scenegen.sampling.growth import model as model_module
+from scenegen.sampling.growth.failure import late_message
+from scenegen.sampling.growth.packing import packing_proof
 from scenegen.sampling.growth.population import explore
 from scenegen.sampling.growth.sampler import Growth, plan_growth
 from scenegen.sampling.methods import make_plan
@@ -33,9 +34,9 @@ WORDS = {"phi": {"task": (0.0, None)}, "n": 600, "seed": 3, "method": "growth"}
 def small_populations():
     """So that a run of a few hundred scenes has several pieces."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("scenegen.sampling.growth.sampler.LEAST", 128)
-        patch.setattr("scenegen.sampling.growth.sampler.MOST", 256)
-        patch.setattr("scenegen.sampling.growth.population.MOST_POSES", 1 << 17)
+        patch.setattr("scenegen.sampling.growth.sampler.MIN_POPULATION", 128)
+        patch.setattr("scenegen.sampling.growth.sampler.MAX_POPULATION", 256)
+        patch.setattr("scenegen.sampling.growth.population.MAX_TRIED_POSES", 1 << 17)
         yield
 
 
@@ -265,11 +266,11 @@ def test_a_distance_that_refuses_is_named_not_the_footprints():
 
 def test_time_that_is_up_while_scenes_grow_says_how_far_they_are():
     problem = make_problem(check_text(FULL), SampleRequest({"task": Range(0.0)}, n=10))
-    machine = machine_module.make_machine(problem)
-    machine.furthest = 5
-    assert "5 of 7 objects could be placed" in str(how_far(machine, "9 evaluations"))
-    machine.furthest = 7
-    assert "all 7 objects could be placed" in str(how_far(machine, "9 evaluations"))
+    model = model_module.make_growth_model(problem)
+    model.furthest = 5
+    assert "5 of 7 objects could be placed" in str(late_message(model, "9 evaluations"))
+    model.furthest = 7
+    assert "all 7 objects could be placed" in str(late_message(model, "9 evaluations"))
 
 
 @pytest.mark.long
@@ -300,7 +301,7 @@ def test_time_that_is_up_while_scenes_grow_says_how_far_they_are():
 ])  # fmt: skip
 def test_tables_that_areas_prove_too_full(text, proved):
     problem = make_problem(check_text(text), SampleRequest({"task": Range(0.0)}, n=10))
-    proof = too_full(machine_module.make_machine(problem).graph, problem.spec)
+    proof = packing_proof(model_module.make_growth_model(problem).graph, problem.spec)
     assert (proved in proof["proof"]) if proved else not proof
     if proved:
         answer = said(text, {"task": Range(0.0)})
@@ -319,9 +320,9 @@ def test_a_request_that_nothing_is_left_to_evaluate_of():
 def test_the_first_size_is_left_out_where_it_is_known_to_be_too_small(monkeypatch):
     tried = []
 
-    def explored(machine, cell, island, *rest, **named):
+    def explored(model, cell, island, *rest, **named):
         tried.append(len(cell))
-        return explore(machine, cell, island, *rest, **named)
+        return explore(model, cell, island, *rest, **named)
 
     monkeypatch.setattr("scenegen.sampling.growth.population.explore", explored)
     problem = make_problem(check_text(TEXT), SampleRequest({"task": Range(0.0)}, n=20, seed=3))

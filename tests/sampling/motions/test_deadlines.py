@@ -77,7 +77,7 @@ def test_training_refuses_a_spec_over_time_at_once(name, tmp_path):
 def test_large_motions_are_scored_in_groups_with_looks_at_the_time():
     """The same values, and a stop is heeded between groups."""
     problem = make_motion_problem(scenegen.parse(SPECS["wide"]).definition, SampleRequest({}, 1))
-    assert problem.at_once(4096, 8) < 64 < problem.at_once(4096, 64) + 1
+    assert problem.batch_size(4096, 8) < 64 < problem.batch_size(4096, 64) + 1
     rng = np.random.default_rng(0)
     poses = rng.random((2, 3, problem.steps + 1, 100))
 
@@ -107,4 +107,4 @@ def test_usual_motions_are_drawn_in_groups_of_the_usual_size():
     )
     spec = scenegen.parse(text + "task: (always farFrom(a, b, 10 cm)) & (closeTo(a, c) until closeTo(d, e))")
     problem = make_motion_problem(spec.definition, SampleRequest({}, 1))
-    assert problem.at_once(4096, 8) == 4096
+    assert problem.batch_size(4096, 8) == 4096

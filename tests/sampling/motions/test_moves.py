@@ -12,10 +12,10 @@ from scipy.stats import ks_2samp
 import scenegen
 from scenegen.lang.formula.timed import Numpy, over_time
 from scenegen.sampling.motions import groups
-from scenegen.sampling.motions.moves import WAYS, changes
+from scenegen.sampling.motions.moves import RELOCATIONS, changes
 from scenegen.sampling.motions.problem import Variables, draw, poses_of
 from scenegen.sampling.motions.schedule import MotionChains, statistics
-from scenegen.sampling.motions.scores import lean, make_motion_problem, moments_needed
+from scenegen.sampling.motions.scores import make_lean_scores, make_motion_problem, moments_needed
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.levels import Region
 
@@ -109,14 +109,14 @@ def test_a_change_without_its_conditions_is_found_out(wrong, drawn, monkeypatch)
         return np.ones(by.shape[-1], dtype=bool)
 
     if wrong == "at_home":
-        monkeypatch.setattr(groups, "at_home", always)
+        monkeypatch.setattr(groups, "wrap_inside", always)
         chains.region = replace(chains.region, low=np.where(np.arange(3) == 2, -np.inf, chains.region.low))
     elif wrong == "legal":
-        monkeypatch.setattr(groups, "legal", lambda unit: always(None, unit))
+        monkeypatch.setattr(groups, "is_legal", lambda unit: always(None, unit))
     else:
         monkeypatch.setattr(groups.ObjectGroup, "stays", always)
     kinds = changes(chains.problem)
-    chains.run(30, np.array([float("relocate" in name_of(kind)) / len(WAYS) for kind in kinds]))
+    chains.run(30, np.array([float("relocate" in name_of(kind)) / len(RELOCATIONS) for kind in kinds]))
     assert differs(chains, other) <= LEAST_P
 
 
@@ -181,6 +181,6 @@ def test_other_moments_do_not_matter(name):
 
 
 def test_ends_are_computed_at_ends_and_bounds_of_steps_not_at_all():
-    found = lean(scored(SPECS["ends"], 1)[0].score.timed)
+    found = make_lean_scores(scored(SPECS["ends"], 1)[0].score.timed)
     assert sorted(tuple(part.moments) for part in found.labels.parts) == [(0,), (1,), (8,)]
     assert found.requirement is None

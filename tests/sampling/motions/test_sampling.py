@@ -168,11 +168,11 @@ def plain():
 
 @pytest.fixture(scope="module")
 def found():
-    work, rarity.WORK = rarity.WORK, 300_000_000
+    work, rarity.MOTION_WORK = rarity.MOTION_WORK, 300_000_000
     try:
         return rarity.measure(SPEC.definition, SPEC.labels, seed=5)
     finally:
-        rarity.WORK = work
+        rarity.MOTION_WORK = work
 
 
 def agree(estimate, share, count):
@@ -232,7 +232,7 @@ def on_tray():
 
 @pytest.mark.long
 def test_what_stands_counts_over_the_workspace(on_tray, monkeypatch):
-    monkeypatch.setattr(rarity, "WORK", 300_000_000)
+    monkeypatch.setattr(rarity, "MOTION_WORK", 300_000_000)
     found = rarity.measure(scenegen.parse(ON_TRAY).definition, ("task",), seed=1)
     met, both = on_tray
     assert abs(found.requirement.log10 - met) < 1.5 * found.requirement.error < 0.15

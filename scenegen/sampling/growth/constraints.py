@@ -23,28 +23,25 @@ from scenegen.pose import FLAT, along
 from scenegen.sampling.growth.graph import Clause, Graph, Pair
 from scenegen.search.effort import Effort
 
-# --------------------------------------------------------------------------------------------------------------------
-# Whether two footprints are a distance apart: cheaper than how far, and the same answer.
-#
-# Growth and its moves hold poses against their neighbours; few need to know how far away these are. By the
-# separating-axis theorem two convex polygons overlap unless one lies beyond the line through an edge of the other,
-# and how far it lies beyond is never more than the distance. So the distance itself is computed only where that
-# leaves the matter open.
-
-
 Pose = tuple[Array, ...]
 
-NEARLY = 1e-12  # metres: nearer than that to what is asked, the distance itself is computed
+GAP_TOLERANCE = 1e-12  # metres: nearer than that to what is asked, the distance itself is computed
 
 
-def apart(a: Footprint, b: Footprint, at: Pose, other: Pose, least: Array | float) -> Bool:
-    """Whether the clearance of a at a pose, x, y and heading (B,) each, and b at another is at least `least`, (B,)."""
+def keeps_distance(a: Footprint, b: Footprint, at: Pose, other: Pose, least: Array | float) -> Bool:
+    """Whether the clearance of a at a pose, x, y and heading (B,) each, and b at another is at least `least`, (B,):
+    cheaper than how far, and the same answer.
+
+    By the separating-axis theorem two convex polygons overlap unless one lies beyond the line through an edge of the
+    other, and how far it lies beyond is never more than the distance. So the distance itself is computed only where
+    that leaves the matter open.
+    """
     if isinstance(a, Circle) or isinstance(b, Circle):
         gap: Array = PRIMITIVES["gap"].evaluate(NUMPY, a, b, *at, *other)
         return np.asarray(gap >= least)
-    beyond = _beyond(a, b, at, other)
-    clear: Bool = beyond >= np.maximum(least, 0.0) + NEARLY
-    open_ = np.flatnonzero(~clear & (beyond >= np.minimum(least, 0.0) - NEARLY))
+    beyond = _edge_gap(a, b, at, other)
+    clear: Bool = beyond >= np.maximum(least, 0.0) + GAP_TOLERANCE
+    open_ = np.flatnonzero(~clear & (beyond >= np.minimum(least, 0.0) - GAP_TOLERANCE))
     if len(open_):
         ends = [np.broadcast_to(value, beyond.shape)[open_] for value in (*at, *other)]
         limit = least if np.ndim(least) == 0 else np.asarray(least)[open_]
@@ -52,19 +49,19 @@ def apart(a: Footprint, b: Footprint, at: Pose, other: Pose, least: Array | floa
     return clear
 
 
-def _beyond(a: Box | Polygon, b: Box | Polygon, at: Pose, other: Pose) -> Array:
+def _edge_gap(a: Box | Polygon, b: Box | Polygon, at: Pose, other: Pose) -> Array:
     """How far one lies beyond an edge of the other, at best, (B,): at most the clearance, and equal to it where they
     overlap."""
     dx, dy = other[0] - at[0], other[1] - at[1]
     a_cos, a_sin, b_cos, b_sin = np.cos(at[2]), np.sin(at[2]), np.cos(other[2]), np.sin(other[2])
     cos, sin = a_cos * b_cos + a_sin * b_sin, a_cos * b_sin - a_sin * b_cos
-    one = _over(a, b, a_cos * dx + a_sin * dy, a_cos * dy - a_sin * dx, cos, sin)
-    two = _over(b, a, -b_cos * dx - b_sin * dy, b_sin * dx - b_cos * dy, cos, -sin)
+    one = _one_sided_gap(a, b, a_cos * dx + a_sin * dy, a_cos * dy - a_sin * dx, cos, sin)
+    two = _one_sided_gap(b, a, -b_cos * dx - b_sin * dy, b_sin * dx - b_cos * dy, cos, -sin)
     out: Array = np.maximum(one, two)
     return out
 
 
-def _over(a: Box | Polygon, b: Box | Polygon, x: Array, y: Array, cos: Array, sin: Array) -> Array:
+def _one_sided_gap(a: Box | Polygon, b: Box | Polygon, x: Array, y: Array, cos: Array, sin: Array) -> Array:
     """How far b lies beyond an edge of a, at best. In a's frame it stands at (x, y), turned by the angle of these."""
     if isinstance(a, Box):
         least_x, most_x, least_y, most_y = _span(b, cos, sin)
@@ -72,7 +69,7 @@ def _over(a: Box | Polygon, b: Box | Polygon, x: Array, y: Array, cos: Array, si
         out: Array = np.maximum(across, np.maximum(y + least_y, -y - most_y) - a.width / 2.0)
         return out
     best: Array | None = None
-    points = _turned(b, cos, sin)
+    points = _rotated_corners(b, cos, sin)
     for (nx, ny), offset, *_ in edges(a):
         height = _lowest([nx * u + ny * v for u, v in points]) + (nx * x + ny * y - offset)
         best = height if best is None else np.maximum(best, height)
@@ -87,12 +84,12 @@ def _span(footprint: Box | Polygon, cos: Array, sin: Array) -> tuple[Array, Arra
         cos, sin = np.abs(cos), np.abs(sin)
         x, y = half_length * cos + half_width * sin, half_length * sin + half_width * cos
         return -x, x, -y, y
-    points = _turned(footprint, cos, sin)
+    points = _rotated_corners(footprint, cos, sin)
     along, across = [u for u, _ in points], [v for _, v in points]
     return _lowest(along), -_lowest([-u for u in along]), _lowest(across), -_lowest([-v for v in across])
 
 
-def _turned(footprint: Box | Polygon, cos: Array, sin: Array) -> list[tuple[Array, Array]]:
+def _rotated_corners(footprint: Box | Polygon, cos: Array, sin: Array) -> list[tuple[Array, Array]]:
     return [(cos * u - sin * v, sin * u + cos * v) for u, v in corners(footprint)]
 
 
@@ -103,14 +100,11 @@ def _lowest(values: list[Array]) -> Array:
     return lowest
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The values of some formula nodes over many columns of poses, computed from what these nodes need alone.
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Values:
-    """`steps` are the nodes in order, with arguments that count within the steps; `wanted` are the steps of the nodes
-    asked for, `rows` the rows of (3N, B) storage that are read."""
+    """The values of some formula nodes over many columns of poses. `steps` are the nodes that these need, with
+    arguments that count within the steps; `wanted` are the steps of the nodes asked for, `rows` the rows of (3N, B)
+    storage that are read."""
 
     steps: tuple[Node, ...]
     wanted: tuple[int, ...]
@@ -130,9 +124,9 @@ def make_values(core: Core, wanted: Sequence[int]) -> Values:
     return Values(steps, tuple(place[node] for node in wanted), rows)
 
 
-BLOCK = 1 << 15  # distances computed at a time: they stay in the cache
-NEVER = 1 << 40  # a stage that does not come
-ROUNDING = 1e-9  # by how much smaller discs within footprints are taken than they are
+MAX_DISTANCES_AT_ONCE = 1 << 15  # distances computed at a time: they stay in the cache
+NEVER_STAGE = 1 << 40  # a stage that does not come
+DISC_SLACK = 1e-9  # by how much smaller discs within footprints are taken than they are
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,7 +148,7 @@ class DistancePairs:
 
 
 @dataclass(slots=True, eq=False)
-class Touch:
+class ObjectConstraints:
     """All that touches object `thing`. `rows` are its rows that some clause reads, the switch of what stands first;
     `shapes` are its footprints in pairs, `ways[c]` the ways of choice c that touch it. `cache` holds evaluators by the
     number of clauses that they are for."""
@@ -169,7 +163,7 @@ class Touch:
     ways: Mapping[int, tuple[int, ...]]
     cache: dict[object, Values] = field(default_factory=dict)
 
-    def in_force(self, stage: int) -> tuple[Clause, ...]:
+    def clauses_at(self, stage: int) -> tuple[Clause, ...]:
         """The clauses over objects placed by then."""
         return self.clauses[: bisect_right(self.clause_stages, stage)]
 
@@ -179,13 +173,13 @@ class Touch:
         """Which columns meet the clauses in force other than pairs; None where there are none. `rows` are 3N arrays
         that broadcast to the result's shape, `cell` the columns' cells, of the last axis. `check` is called before each
         primitive: what it raises ends the work."""
-        clauses = self.in_force(stage)
+        clauses = self.clauses_at(stage)
         if not clauses:
             return None
         values = self.values(len(clauses), [clause.node for clause in clauses])(rows, check)
         good: Bool | None = None
         for clause, value in zip(clauses, values, strict=True):
-            inside = within(value, clause, cell)
+            inside = is_within(value, clause, cell)
             if inside is not None:
                 good = inside if good is None else good & inside
         return good
@@ -195,7 +189,7 @@ class Touch:
             self.cache[key] = make_values(self.graph.core, nodes)
         return self.cache[key]
 
-    def clear(
+    def drop_near(
         self,
         pose: tuple[Array, Array, Array],
         scenes: Array,
@@ -208,10 +202,10 @@ class Touch:
         """Take out of `good` (B,) the poses, x, y and heading (B,) each, that are too near to something in `scenes`
         (3N, P), but for some objects. Pose i stands in scene columns[i], or in scene i; `cell` (B,) are its cells."""
         for layer in self.layers:
-            _clear(layer, pose, scenes, cell, stage, columns, good, but)
+            _drop_near(layer, pose, scenes, cell, stage, columns, good, but)
 
 
-def within(value: Any, clause: Clause, cell: Index) -> Bool | None:
+def is_within(value: Any, clause: Clause, cell: Index) -> Bool | None:
     """Whether values lie within the clause's ends for their cells; None where every value does."""
     inside: Bool | None = None
     if np.isfinite(clause.low).any():
@@ -224,7 +218,7 @@ def within(value: Any, clause: Clause, cell: Index) -> Bool | None:
     return inside
 
 
-def _clear(
+def _drop_near(
     layer: DistancePairs,
     pose: tuple[Array, Array, Array],
     scenes: Array,
@@ -243,7 +237,7 @@ def _clear(
         return
     square = np.where(live[:, None], layer.square, -1.0)
     count, width = len(square), len(good)
-    step = max(1, BLOCK // max(1, width))
+    step = max(1, MAX_DISTANCES_AT_ONCE // max(1, width))
     first, last = int(live.argmax()), count - int(live[::-1].argmax())
     room = np.empty((2, min(step, last - first), width))
     for begin in range(first, last, step):
@@ -278,7 +272,7 @@ def _clear(
             own = x[here], y[here], theta[here]
             least = layer.low[other, 0] if layer.low.shape[1] == 1 else layer.low[other, cell[here]]
             ends: tuple[tuple[Array, ...], ...] = (own, there) if is_first else (there, own)
-            clear = apart(*shapes, ends[0], ends[1], least)
+            clear = keeps_distance(*shapes, ends[0], ends[1], least)
             good[here[~clear]] = False
 
 
@@ -290,7 +284,7 @@ def _coordinates(layer: DistancePairs, axis: int, part: slice, scenes: Array, co
     return rows if columns is None else rows[:, columns]
 
 
-def touches(graph: Graph, order: Sequence[int], effort: Effort) -> dict[int, Touch]:
+def make_constraints(graph: Graph, order: Sequence[int], effort: Effort) -> dict[int, ObjectConstraints]:
     """What touches each object, given the order in which they are placed. Raises what `effort` raises."""
     at = {thing: place for place, thing in enumerate(order)}
     clauses: dict[int, list[Clause]] = {thing: [] for thing in order}
@@ -314,7 +308,7 @@ def touches(graph: Graph, order: Sequence[int], effort: Effort) -> dict[int, Tou
     for thing in order:
         effort.check()
         mine = sorted(clauses[thing], key=lambda one: (stage(one.objects), one.node))
-        found[thing] = Touch(
+        found[thing] = ObjectConstraints(
             thing,
             graph.rows_of(thing),
             graph,
@@ -352,7 +346,7 @@ def _layer(
 ) -> DistancePairs:
     cells = max(len(pair.low) for pair, _ in members.values())
     low, square, inner = np.zeros((count, cells)), np.full((count, cells), -1.0), np.full((count, cells), -1.0)
-    stages, kind = np.full(count, NEVER, dtype=np.intp), np.full(count, -1, dtype=np.intp)
+    stages, kind = np.full(count, NEVER_STAGE, dtype=np.intp), np.full(count, -1, dtype=np.intp)
     kinds: dict[tuple[tuple[Footprint, Footprint], bool], int] = {}
     for place, (pair, first) in members.items():
         low[place] = pair.low
@@ -360,7 +354,7 @@ def _layer(
         square[place] = reach * reach
         discs = [measures(shape).inner for shape in pair.shapes]  # each footprint holds such a disc round its centre
         if min(discs) > 0.0:
-            near = np.maximum(pair.low + sum(discs), 0.0) * (1.0 - ROUNDING)
+            near = np.maximum(pair.low + sum(discs), 0.0) * (1.0 - DISC_SLACK)
             inner[place] = near * near
         stages[place] = max(at[thing] for thing in pair.objects)
         if not all(isinstance(shape, Circle) for shape in pair.shapes):

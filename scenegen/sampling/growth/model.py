@@ -13,9 +13,9 @@ import numpy as np
 from scenegen.arrays import Array, Bool, Index
 from scenegen.geometry.footprint import measures
 from scenegen.pose import BELOW_TURN, THETA, TWO_PI, along, axis_of, is_angle, owner, rows_of
-from scenegen.sampling.growth.graph import Clause, Disjunction, Graph, make_graph, strengthened
-from scenegen.sampling.growth.room import FreePoses, SupportPoses, make_room, make_standing
-from scenegen.sampling.growth.touch import Touch, Values, make_values, touches, within
+from scenegen.sampling.growth.constraints import ObjectConstraints, Values, is_within, make_constraints, make_values
+from scenegen.sampling.growth.graph import Clause, Disjunction, Graph, add_implied_clauses, make_graph
+from scenegen.sampling.growth.room import FreePoses, SupportPoses, make_room, make_support_poses
 from scenegen.sampling.problem import Problem
 from scenegen.search.contract import SWEEPS
 from scenegen.search.effort import (
@@ -29,17 +29,9 @@ from scenegen.search.effort import (
     work_per_scene,
 )
 
-# --------------------------------------------------------------------------------------------------------------------
-# The order in which objects are placed: what hangs together follows one another, the large and the tightly held
-# first.
-#
-# How tightly an object is held shows in the box that contraction leaves of it, and in how many random scenes meet the
-# clauses and choices that touch it: what asks for much is placed while moves are cheap and nothing stands in the way.
-
-
-RANDOM = 1024  # random scenes that tell how often clauses are met
-LEAST = 0.25 / RANDOM  # share taken for clauses that none of them meets
-FEW = 3  # objects of a clause or a choice up to which it says something of any two of them
+ORDER_SCENES = 1024  # random scenes that tell how often clauses are met
+LEAST_ORDER_SHARE = 0.25 / ORDER_SCENES  # share taken for clauses that none of them meets
+MAX_CLOSE_OBJECTS = 3  # objects of a clause or a choice up to which it says something of any two of them
 
 
 def insertion_order(
@@ -47,6 +39,10 @@ def insertion_order(
 ) -> tuple[tuple[int, ...], dict[int, int]]:
     """The objects that phi depends on in the order of their placing, those in `last` after all others, and for each the
     object that it hangs from, if any.
+
+    What hangs together follows one another, the large and the tightly held first, while moves are cheap and nothing
+    stands in the way. How tightly an object is held shows in the box that contraction leaves of it, and in how many
+    random scenes meet the clauses and choices that touch it.
 
     An object hangs from the first placed one with which it shares a clause that attracts: it is placed near that one,
     and moves together with it. Deterministic: ties go by size, then by place in the spec. Raises what `effort` raises.
@@ -95,7 +91,7 @@ def _neighbours(graph: Graph, groups: Iterable[frozenset[int]]) -> dict[int, set
     """Objects that share one of some groups; those of many objects say little about any two of them."""
     near: dict[int, set[int]] = {thing: set() for thing in graph.objects}
     for group in groups:
-        for thing in group if len(group) <= FEW else ():
+        for thing in group if len(group) <= MAX_CLOSE_OBJECTS else ():
             near[thing] |= group - {thing}
     return near
 
@@ -105,17 +101,17 @@ def _log_share(graph: Graph, effort: Effort) -> dict[int, float]:
     several objects, each gets a part."""
     asked: list[Clause] = [*graph.clauses, *(choice.whole for choice in graph.choices)]
     share = dict.fromkeys(graph.objects, 0.0)
-    cell = np.arange(RANDOM) % graph.low.shape[1]
+    cell = np.arange(ORDER_SCENES) % graph.low.shape[1]
     low, high = graph.low[:, cell], graph.high[:, cell]
     scenes = low + np.random.default_rng(0).random(low.shape) * (high - low)
     with np.errstate(all="ignore"):
         values = make_values(graph.core, [clause.node for clause in asked])(list(scenes), effort.check)
         for clause, value in zip(asked, values, strict=True):
             effort.check()
-            inside = within(np.broadcast_to(value, RANDOM), clause, cell)
+            inside = is_within(np.broadcast_to(value, ORDER_SCENES), clause, cell)
             if inside is not None:
                 for thing in clause.objects:
-                    share[thing] += math.log(max(LEAST, float(np.mean(inside)))) / len(clause.objects)
+                    share[thing] += math.log(max(LEAST_ORDER_SHARE, float(np.mean(inside)))) / len(clause.objects)
     return share
 
 
@@ -138,53 +134,50 @@ def _log_room(graph: Graph) -> dict[int, float]:
     return out
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What a choice is worth while its objects are being placed: the chance that one of its ways will hold in the end.
-#
-# A way of a choice asks for clauses, some of which touch objects that come later. The populations on the way to the
-# end must not be indifferent to that: growth would be full of scenes that have more to meet than they can, and lose
-# them with the last object. So a scene counts by the chance that at least one of its ways comes to hold: those that
-# nothing placed so far has ruled out, each with the share of random poses that meet the rest of it (a twisted target,
-# as in look-ahead particle filters: Guarniero et al. 2017). Ways that hold once all their objects are there count 1,
-# and a scene in which several hold counts no more than one in which one does. In the end the factor is 1 where the
-# choice is met and 0 elsewhere, so what the chances are worth decides how even the weights are, never what the scenes
-# are like.
-#
-# The upper end of a range is a choice, too: some atom of a conjunction must be no better than that. Where atoms are
-# many, most scenes that meet the lower end meet it anyway. Such a choice is left out: scenes out of the range are
-# dropped in the end, which costs less than to steer every move by it.
-
-
-RANDOM_POSES = 2048  # random scenes that tell how often a clause is met
-TRUST = 0.75  # power of the estimate: one neighbour may meet the clauses of several objects
-LEAST_SHARE = 0.25 / RANDOM_POSES  # share taken for clauses that none of them meets
-EASY = 0.15  # chance that a scene meets an upper end from which on growth does not mind it
-SEEN = 16  # random scenes that meet a lower end, at least, to tell how many of them meet the upper one
-SURE = -40.0  # logarithm of 1 - p for ways that hold: 1 - exp of it is 1
+OUTLOOK_SCENES = 2048  # random scenes that tell how often a clause is met
+OUTLOOK_POWER = 0.75  # power of the estimate: one neighbour may meet the clauses of several objects
+LEAST_WAY_SHARE = 0.25 / OUTLOOK_SCENES  # share taken for clauses that none of them meets
+EASY_CHANCE = 0.15  # chance that a scene meets an upper end from which on growth does not mind it
+MIN_SCENES_ABOVE = 16  # random scenes that meet a lower end, at least, to tell how many of them meet the upper one
+LOG_CERTAIN = -40.0  # logarithm of 1 - p for ways that hold: 1 - exp of it is 1
 
 
 def outlooks(problem: Problem, graph: Graph, at: Mapping[int, int], effort: Effort) -> tuple[Array, ...]:
-    """For each choice, (W, stages, C or 1): log(1 - p), p the chance that a way will hold which no object placed by
-    that stage rules out; SURE once all its objects are placed. Raises what `effort` raises."""
+    """What choices are worth while their objects are being placed. For each, (W, stages, C or 1): log(1 - p), p the
+    chance that a way will hold which no object placed by that stage rules out; LOG_CERTAIN once all its objects are
+    placed. Raises what `effort` raises.
+
+    A way of a choice asks for clauses, some of which touch objects that come later. Populations that are indifferent to
+    that would be full of scenes that have more to meet than they can, and lose them with the last object. So a scene
+    counts by the chance that at least one of its ways comes to hold: those that nothing placed so far has ruled out,
+    each with the share of random poses that meet the rest of it (a twisted target, as in look-ahead particle filters:
+    Guarniero et al. 2017). Ways that hold once all their objects are there count 1, and a scene in which several hold
+    counts no more than one in which one does. In the end the factor is 1 where the choice is met and 0 elsewhere, so
+    what the chances are worth decides how even the weights are, never what the scenes are like.
+    """
     if not graph.choices:
         return ()
-    scenes = _random(problem, graph)
+    scenes = _random_scenes(problem, graph)
     return tuple(_outlook(problem, choice, at, scenes, graph.low.shape[1], effort) for choice in graph.choices)
 
 
-def without_easy_ends(problem: Problem, graph: Graph) -> tuple[Graph, Array | None]:
+def drop_easy_ends(problem: Problem, graph: Graph) -> tuple[Graph, Array | None]:
     """The graph without the choices that are upper ends which most scenes of every cell meet by themselves; and how
     many scenes each cell should begin with, (C,) in proportion, None where nothing is left out.
+
+    The upper end of a range is a choice, too: some atom of a conjunction must be no better than that. Where atoms are
+    many, most scenes that meet the lower end meet it anyway. Scenes out of the range are dropped in the end, which
+    costs less than to steer every move by it.
 
     A scene that is better than its cell falls into one above, so all but the lowest cells lose as many as they get.
     """
     ends = [choice for choice in graph.choices if not np.isfinite(choice.whole.low).any()]
-    scenes, lower = _random(problem, graph), {one.node: one.low for one in graph.clauses}
+    scenes, lower = _random_scenes(problem, graph), {one.node: one.low for one in graph.clauses}
     lower |= {one.node: one.low for one in graph.pairs}
     begin, easy = np.ones(graph.low.shape[1]), set[int]()
     for choice in ends:
-        met = _met_anyway(problem, choice, lower, scenes, len(begin))
-        if met.min() >= EASY:
+        met = _share_in_range(problem, choice, lower, scenes, len(begin))
+        if met.min() >= EASY_CHANCE:
             easy.add(choice.whole.node)
             high = choice.whole.high
             begin[high == high.min()] /= met[high == high.min()]
@@ -193,24 +186,26 @@ def without_easy_ends(problem: Problem, graph: Graph) -> tuple[Graph, Array | No
     return replace(graph, choices=tuple(one for one in graph.choices if one.whole.node not in easy)), begin
 
 
-def _met_anyway(problem: Problem, choice: Disjunction, lower: Mapping[int, Array], scenes: Array, cells: int) -> Array:
+def _share_in_range(
+    problem: Problem, choice: Disjunction, lower: Mapping[int, Array], scenes: Array, cells: int
+) -> Array:
     """About which share of the scenes that meet the lower ends meet some way of an upper end, in each cell, (C,)."""
     missed = np.ones(cells)
     with np.errstate(all="ignore"):
         found = make_values(problem.core, [way.whole.node for way in choice.ways])(list(scenes))
     for way, value in zip(choice.ways, found, strict=True):
-        value, low = np.broadcast_to(value, RANDOM_POSES), np.broadcast_to(lower.get(way.whole.node, -np.inf), cells)
+        value, low = np.broadcast_to(value, OUTLOOK_SCENES), np.broadcast_to(lower.get(way.whole.node, -np.inf), cells)
         for cell in range(cells):
             above = value >= low[cell]
-            if np.count_nonzero(above) >= SEEN:
+            if np.count_nonzero(above) >= MIN_SCENES_ABOVE:
                 missed[cell] *= np.mean(value[above] > way.whole.high[cell])
     return 1.0 - missed
 
 
-def _random(problem: Problem, graph: Graph) -> Array:
-    """Scenes (3N, RANDOM) uniform over what contraction leaves of the box, of all cells in turn."""
+def _random_scenes(problem: Problem, graph: Graph) -> Array:
+    """Scenes (3N, OUTLOOK_SCENES) uniform over what contraction leaves of the box, of all cells in turn."""
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, len(graph.choices)]))
-    cell = np.arange(RANDOM_POSES) % graph.low.shape[1]
+    cell = np.arange(OUTLOOK_SCENES) % graph.low.shape[1]
     low, high = graph.low[:, cell], graph.high[:, cell]
     scenes: Array = low + rng.random(low.shape) * (high - low)
     return scenes
@@ -225,28 +220,28 @@ def _outlook(
     with np.errstate(all="ignore"):
         found = make_values(problem.core, [node for node, _ in clauses])(list(scenes), effort.check)
         shares = {
-            key: np.log(_shares(value, clause, table.shape[2], effort))
+            key: np.log(_shares_within(value, clause, table.shape[2], effort))
             for (key, clause), value in zip(clauses.items(), found, strict=True)
         }
     for row, way in zip(table, choice.ways, strict=True):
         for clause in way.clauses:
             if clause.objects:
-                row[: max(at[thing] for thing in clause.objects)] += TRUST * shares[clause.node, id(clause)]
+                row[: max(at[thing] for thing in clause.objects)] += OUTLOOK_POWER * shares[clause.node, id(clause)]
         done = max((at[thing] for thing in way.whole.objects), default=0)
         row[:done] = np.log1p(-np.minimum(np.exp(row[:done]), 1.0 - 1e-9))
-        row[done:] = SURE
+        row[done:] = LOG_CERTAIN
     return table
 
 
-def _shares(value: Array, clause: Clause, cells: int, effort: Effort) -> Array:
+def _shares_within(value: Array, clause: Clause, cells: int, effort: Effort) -> Array:
     """The share of values within the clause's ends, for each cell, (C,)."""
-    value = np.broadcast_to(value, RANDOM_POSES)
+    value = np.broadcast_to(value, OUTLOOK_SCENES)
     share = np.ones(cells)
     for cell in range(cells):
         effort.check()
-        inside = within(value, clause, np.full(RANDOM_POSES, cell))
+        inside = is_within(value, clause, np.full(OUTLOOK_SCENES, cell))
         if inside is not None:
-            share[cell] = max(LEAST_SHARE, float(np.mean(inside)))
+            share[cell] = max(LEAST_WAY_SHARE, float(np.mean(inside)))
     return share
 
 
@@ -259,7 +254,7 @@ def chance(held: Bool, table: Array, cell: Index) -> Array:
 
 
 @dataclass(slots=True, eq=False)
-class Machine:
+class GrowthModel:
     """`order` is the order of placing, `at` its inverse, `groups` the objects that hang from each object, itself first.
     `begins`: the stage at which a choice's first object is placed; `outlooks` say which chances its ways have, see
     `outlooks` below. `kin` are classes of blocks that may take each other's places: single objects, or groups,
@@ -275,7 +270,7 @@ class Machine:
     order: tuple[int, ...]
     at: Mapping[int, int]
     groups: Mapping[int, tuple[int, ...]]
-    touch: Mapping[int, Touch]
+    constraints: Mapping[int, ObjectConstraints]
     begins: tuple[int, ...]
     kin: tuple[tuple[tuple[int, ...], ...], ...]
     mixed: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
@@ -317,21 +312,21 @@ class Machine:
         """The room of an object under the clauses in force at a stage; of what stands, its surfaces."""
         if thing in self.standing:
             return self.standing[thing]
-        touch = self.touch[thing]
+        constraints = self.constraints[thing]
         if thing in self.whole:
-            return make_room(self.problem, touch, ())
-        clauses = touch.in_force(stage)
+            return make_room(self.problem, constraints, ())
+        clauses = constraints.clauses_at(stage)
         key = thing, len(clauses)
         if key not in self.rooms:
             # what others stand on, and how high: little comes of contracting that, at a high price
             narrowing = [one for one in clauses if one.node not in self.graph.switched]
-            self.rooms[key] = make_room(self.problem, touch, narrowing)
+            self.rooms[key] = make_room(self.problem, constraints, narrowing)
         return self.rooms[key]
 
     def leave_whole(self, thing: int, stage: int) -> None:
         """Note that contraction leaves an object nearly all of its box, once all its clauses but pairs are in force."""
-        touch = self.touch[thing]
-        if len(touch.in_force(stage)) == len(touch.clauses) and not touch.ways:
+        constraints = self.constraints[thing]
+        if len(constraints.clauses_at(stage)) == len(constraints.clauses) and not constraints.ways:
             self.whole.add(thing)
 
     def count(self, nodes: int, columns: int) -> None:
@@ -356,17 +351,10 @@ class Machine:
         np.minimum(rows[along(THETA)], BELOW_TURN, out=rows[along(THETA)])
         return rows
 
-    def circular(self, row: int) -> bool:
+    def is_circular(self, row: int) -> bool:
         """Whether a row is a heading that goes all the way round."""
         lowest, highest = self.problem.lowest[row], self.problem.highest[row]
         return is_angle(row) and abs(highest - lowest - TWO_PI) < 1e-12
-
-    def steps(self, key: object, nodes: Sequence[int]) -> int:
-        """How many nodes the evaluator of some nodes takes."""
-        if ("steps", key) not in self.notes:
-            self.notes["steps", key] = len(self.values(key, nodes).steps)
-        known: int = self.notes["steps", key]
-        return known
 
     def values(self, key: object, nodes: Sequence[int]) -> Values:
         """The evaluator of some nodes, kept under a key."""
@@ -375,22 +363,22 @@ class Machine:
         return self.evaluators[key]
 
 
-def make_machine(
+def make_growth_model(
     problem: Problem,
     last: Collection[int] = (),
     rounds: int = SWEEPS,
     deadline: float = math.inf,
     *,
     loose: bool = False,
-) -> Machine:
-    """The machine of a problem; its own problem holds what the formulas imply besides. Objects in `last` are placed
+) -> GrowthModel:
+    """The model of a problem; its own problem holds what the formulas imply besides. Objects in `last` are placed
     after all others. `rounds` are those of contraction. `loose`: upper ends that most scenes meet are left out. Raises
     StoppedError after `deadline`, by the monotonic clock."""
     effort = effort_until(deadline)
-    problem = strengthened(problem, effort)
+    problem = add_implied_clauses(problem, effort)
     graph, begin = make_graph(problem, rounds, effort), None
     if loose:
-        graph, begin = without_easy_ends(problem, graph)
+        graph, begin = drop_easy_ends(problem, graph)
     order, parent = insertion_order(graph, last, effort)
     at = {thing: place for place, thing in enumerate(order)}
     groups: dict[int, list[int]] = {thing: [thing] for thing in order}
@@ -400,52 +388,39 @@ def make_machine(
             groups[above].append(thing)
             above = parent.get(above)
     begins = tuple(min(at[thing] for thing in choice.objects) for choice in graph.choices)
-    touch = touches(graph, order, effort)
+    constraints = make_constraints(graph, order, effort)
     hanging = {thing: tuple(group) for thing, group in groups.items()}
-    roots = [thing for thing in order if thing not in parent]
-    kin = _kin(touch, [(thing,) for thing in order], [hanging[thing] for thing in roots if len(hanging[thing]) > 1])
-    mixed = _mixed(touch)
+    blocks = [hanging[thing] for thing in order if thing not in parent and len(hanging[thing]) > 1]
+    kin = _kin_classes(constraints, [*((thing,) for thing in order), *blocks])
     at |= {
         owner(one.switch): at[thing] for thing, one in graph.stands.items() if one.switch is not None and thing in at
     }
     standing = {
         thing: found
         for thing, one in graph.stands.items()
-        if thing in touch and (found := make_standing(one, touch[thing])) is not None
+        if thing in constraints and (found := make_support_poses(one, constraints[thing])) is not None
     }
-    seen = outlooks(problem, graph, at, effort)
-    return Machine(
-        problem,
-        graph,
-        order,
-        at,
-        hanging,
-        touch,
-        begins,
-        kin,
-        mixed,
-        seen,
-        standing=standing,
-        begin=begin,
-        each=work_per_scene(problem.core.nodes)[0],
-        deadline=deadline,
-    )
+    return GrowthModel(
+        problem, graph, order, at, hanging, constraints, begins, kin, _mixed_classes(constraints),
+        outlooks(problem, graph, at, effort), standing=standing, begin=begin,
+        each=work_per_scene(problem.core.nodes)[0], deadline=deadline,
+    )  # fmt: skip
 
 
-def _kin(touch: Mapping[int, Touch], *levels: Sequence[tuple[int, ...]]) -> tuple[tuple[tuple[int, ...], ...], ...]:
+def _kin_classes(
+    constraints: Mapping[int, ObjectConstraints], blocks: Iterable[tuple[int, ...]]
+) -> tuple[tuple[tuple[int, ...], ...], ...]:
     """Blocks whose members have the same footprints and free rows, two or more together."""
-
     alike: dict[object, list[tuple[int, ...]]] = {}
-    for blocks in levels:
-        for block in blocks:
-            alike.setdefault(tuple(_kind(touch[thing]) for thing in block), []).append(block)
-    return tuple(tuple(blocks) for blocks in alike.values() if len(blocks) > 1)
+    for block in blocks:
+        alike.setdefault(tuple(_kind(constraints[thing]) for thing in block), []).append(block)
+    return tuple(tuple(found) for found in alike.values() if len(found) > 1)
 
 
-def _mixed(touch: Mapping[int, Touch]) -> tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]:
+def _mixed_classes(constraints: Mapping[int, ObjectConstraints]) -> tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]:
     """For every class of objects but the largest of those with the same footprints: its objects, and the others."""
     alike: dict[object, dict[object, list[int]]] = {}
-    for thing, mine in touch.items():
+    for thing, mine in constraints.items():
         if mine.shapes:
             alike.setdefault(_kind(mine)[:2], {}).setdefault(_kind(mine), []).append(thing)
     found = []
@@ -456,12 +431,8 @@ def _mixed(touch: Mapping[int, Touch]) -> tuple[tuple[tuple[int, ...], tuple[int
     return tuple(found)
 
 
-def _kind(touch: Touch) -> tuple[object, ...]:
-    return touch.shapes, tuple(axis_of(row) for row in touch.rows), len(touch.clauses)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The scenes that grow: poses, cells, choices, and where each came from.
+def _kind(constraints: ObjectConstraints) -> tuple[object, ...]:
+    return constraints.shapes, tuple(axis_of(row) for row in constraints.rows), len(constraints.clauses)
 
 
 @dataclass(slots=True)
@@ -472,7 +443,7 @@ class Particles:
     them is; `chances` (choices, P) are the chances that a way holds in the end, see `outlooks`. `families` are
     ancestors, (P,) each, at several times."""
 
-    machine: Machine
+    model: GrowthModel
     rng: np.random.Generator
     scenes: Array
     cell: Index
@@ -483,20 +454,13 @@ class Particles:
     families: list[Index] = field(default_factory=list)
 
     @classmethod
-    def start(cls, machine: Machine, cell: Index, island: Index, rng: np.random.Generator) -> Particles:
+    def start(cls, model: GrowthModel, cell: Index, island: Index, rng: np.random.Generator) -> Particles:
         """Empty tables for the given cells and islands."""
-        problem, count = machine.problem, len(cell)
+        problem, count = model.problem, len(cell)
         scenes = np.repeat(problem.lowest[:, None], count, axis=1)
-        choices = len(machine.graph.choices)
+        choices = len(model.graph.choices)
         return cls(
-            machine,
-            rng,
-            scenes,
-            cell,
-            island,
-            [None] * choices,
-            np.ones((choices, count)),
-            families=[np.arange(count)],
+            model, rng, scenes, cell, island, [None] * choices, np.ones((choices, count)), families=[np.arange(count)]
         )
 
     @property
@@ -506,31 +470,30 @@ class Particles:
     @property
     def group(self) -> Index:
         """A number for each pair of island and cell: resampling keeps within it."""
-        return self.island * self.machine.cells + self.cell
+        return self.island * self.model.cells + self.cell
 
     @property
-    def placed(self) -> tuple[int, ...]:
-        return self.machine.order[: self.stage + 1]
+    def placed_objects(self) -> tuple[int, ...]:
+        return self.model.order[: self.stage + 1]
 
     def touching(self, things: Collection[int]) -> dict[int, tuple[int, ...]]:
         """For every choice that has begun: its ways that touch some of the things, if any."""
-        touch = self.machine.touch
+        constraints = self.model.constraints
         found = {
-            index: tuple(sorted({number for thing in things for number in touch[thing].ways.get(index, ())}))
+            index: tuple(sorted({number for thing in things for number in constraints[thing].ways.get(index, ())}))
             for index, known in enumerate(self.held)
             if known is not None
         }
         return {index: numbers for index, numbers in found.items() if numbers}
-
-    def note_ancestors(self) -> None:
-        self.families.append(np.arange(self.count))
 
     def take(self, index: Index) -> None:
         """Go on with copies of the given scenes, each in the place of one."""
         if len(index) == self.count and (index == np.arange(self.count)).all():
             return
         if len(index) == self.count:
-            rows = [row for thing in self.placed for row in {*rows_of(thing), *self.machine.touch[thing].rows}]
+            rows = [
+                row for thing in self.placed_objects for row in {*rows_of(thing), *self.model.constraints[thing].rows}
+            ]
             self.scenes[rows] = self.scenes[rows][:, index]
         else:
             self.scenes = self.scenes[:, index]
@@ -538,29 +501,6 @@ class Particles:
         self.held = [None if held is None else held[:, index] for held in self.held]
         self.chances = self.chances[:, index]
         self.families = [family[index] for family in self.families]
-
-
-def resample(weights: Array, group: Index, rng: np.random.Generator) -> tuple[Index, Array]:
-    """Systematic resampling within each group (Carpenter et al. 1999): whom to go on with, and the mean weight of each
-    scene's group, (P,) each. Groups in which all weights are 0 are left out: they have died."""
-    keep: list[Index] = []
-    mean = np.zeros(len(weights))
-    for which in np.unique(group):
-        mine = np.flatnonzero(group == which)
-        total = np.cumsum(weights[mine])
-        mean[mine] = total[-1] / len(mine)
-        if total[-1] <= 0.0:
-            continue
-        if (weights[mine] == weights[mine[0]]).all():
-            keep.append(mine)
-            continue
-        marks = (np.arange(len(mine)) + rng.random()) * (total[-1] / len(mine))
-        keep.append(mine[np.minimum(np.searchsorted(total, marks, side="right"), len(mine) - 1)])
-    return (np.concatenate(keep) if keep else np.empty(0, dtype=np.intp)), mean
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What a plan learns about moves.
 
 
 @dataclass(slots=True)

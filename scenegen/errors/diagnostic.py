@@ -237,7 +237,7 @@ class Kind:
 
     Calling a kind makes a problem of it: `UNKNOWN_FORMAT(name="xml", known=FORMATS)`, with a place as the only
     positional argument. Where the facts have a `name` and what is `known`, `nearest` is the known name that it
-    may stand for. `formerly` are codes of kinds that it took the place of: `scenegen explain` knows them.
+    may stand for.
     """
 
     code: str
@@ -246,7 +246,6 @@ class Kind:
     help: Text = ""
     note: Text = EXPANSION
     severity: Severity = "error"
-    formerly: tuple[str, ...] = ()
 
     def __call__(self, span: Span | None = None, /, **facts: Any) -> Diagnostic:
         if "known" in facts and "name" in facts:

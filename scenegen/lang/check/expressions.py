@@ -36,7 +36,6 @@ from scenegen.lang.check.lowering import Environment, Lowering
 from scenegen.lang.check.names import bind
 from scenegen.lang.check.quantifiers import quantify
 from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, STEPS, Declared
-from scenegen.lang.check.template import FIRST, DependsOnValue
 from scenegen.lang.check.values import (
     AnyValue,
     CallFrame,
@@ -299,8 +298,8 @@ class FormulaLowering(Lowering):
             self.refuse_degrees(numbers)
         name = "neg" if len(parts) == 1 else {"+": "add", "-": "sub", "*": "mul", "/": "div"}[symbol]
         if name == "div":
-            divisor = self.builder.divisor(numbers[1].node)
-            if divisor is None:
+            divisor = self.builder.value(numbers[1].node)
+            if divisor is None and numbers[1].node not in self.builder.varying:
                 raise self.error(WRONG_DIVISOR, parts[1], frame)
             if divisor == 0.0:
                 raise self.error(WRONG_DIVISOR, parts[1], frame, zero=True)
@@ -327,8 +326,6 @@ class FormulaLowering(Lowering):
         for value in values:
             if not isinstance(value, ObjectValue | RegionValue | SurfaceValue):
                 raise self.coerce.wrong(value, "an object, a surface or a region", "each side of `!=`")
-            if isinstance(value, ObjectValue) and value.index >= FIRST:
-                raise DependsOnValue
         return FormulaValue(TRUE if first != second else FALSE, True, origin=origin)
 
     def _compare(self, node: ast.Compare, env: Environment, frame: CallFrame) -> Value:

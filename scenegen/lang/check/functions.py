@@ -23,7 +23,6 @@ from scenegen.errors.language import (
 from scenegen.geometry import PRIMITIVES, Footprint
 from scenegen.geometry.primitives import ANGLE, BARE, LENGTH, SPEED, TIME, TURN_RATE, Unit
 from scenegen.lang.check.heights import of_options
-from scenegen.lang.check.template import FIRST
 from scenegen.lang.check.values import (
     LONGEST,
     AnyValue,
@@ -240,7 +239,7 @@ def note_elsewhere(
     """Notices a call of one of OF_SUPPORT that holds in no scene, since its first argument stands elsewhere. In
     rounds of quantifiers that is no mistake."""
     upper, lower = values["a"], values["b"]
-    if frame.where or lowering.heights is None or not isinstance(upper, ObjectValue) or upper.index >= FIRST:
+    if frame.where or lowering.heights is None or not isinstance(upper, ObjectValue):
         return
     options = [*options_of(upper.index, lowering.supports, lowering.choices)]
     stands = [one.name for one in options] or ["workspace"]
@@ -249,7 +248,7 @@ def note_elsewhere(
             more = () if one.carrier is None else options_of(one.carrier, lowering.supports, lowering.choices)
             options.extend(other for other in more if other not in options)
     match lower:
-        case ObjectValue(carrier) if carrier < FIRST:
+        case ObjectValue(carrier):
             written, meant = lowering.builder.objects[carrier], any(one.carrier == carrier for one in options)
         case SurfaceValue():
             written = lowering.text(lower)

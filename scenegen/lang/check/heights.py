@@ -24,7 +24,6 @@ from scenegen.errors.language import (
 from scenegen.geometry import Circle, Footprint
 from scenegen.geometry.primitives import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD
-from scenegen.lang.check.template import FIRST, DependsOnValue
 from scenegen.lang.check.values import (
     CORNERS,
     MEMBERS,
@@ -140,8 +139,6 @@ def height_function(lowering: Lowering, name: str, values: list[Value], node: as
         named = "name the surfaces: on any of [a, b]" if name == "surfaces" else None
         raise lowering.error(MEASURED_TOO_EARLY, node, frame, instead=named)
     value = values[0]
-    if isinstance(value, ObjectValue) and value.index >= FIRST:
-        raise DependsOnValue
     if name in ("z", "height", "top"):
         return NumberValue(_height(lowering, name, value), LENGTH, origin=origin)
     if name == "apart":
@@ -153,15 +150,11 @@ def height_function(lowering: Lowering, name: str, values: list[Value], node: as
             return ListValue((value,), origin=origin)
         which = _object(lowering, value, name)
         upper = values[1] if len(values) > 1 else None
-        if isinstance(upper, ObjectValue) and upper.index >= FIRST:
-            raise DependsOnValue
         return ListValue(surface_values(lowering, which, value, upper), origin=origin)
     which = _object(lowering, value, name)
     if name == "others":
         if len(values) > 1:
             items = lowering.coerce.items(values[1], "the argument `items` of `others`")
-            if any(isinstance(one, ObjectValue) and one.index >= FIRST for one in items):
-                raise DependsOnValue
             return ListValue(tuple(one for one in items if one != value), origin=origin)
         rest = [one for one in range(len(lowering.heights)) if one != which]
         return ListValue(tuple(ObjectValue(one, origin=origin) for one in rest), origin=origin)
@@ -233,8 +226,6 @@ def _apart(lowering: Lowering, values: list[Value], node: ast.Call, frame: CallF
         if isinstance(board, RegionValue):
             return _from_board(lowering, _object(lowering, body, "apart"), board.area)
     one, other = _object(lowering, first, "apart"), _object(lowering, second, "apart")
-    if max(one, other) >= FIRST:
-        raise DependsOnValue
     if one == other:
         raise lowering.error(SAME_ARGUMENT_TWICE, node, frame, name="apart")
     assert lowering.heights is not None
@@ -396,8 +387,6 @@ def member(lowering: Lowering, base: Value, node: ast.Member, name: str, frame: 
 
 def _surface(lowering: Lowering, base: ObjectValue, index: int, name: str, origin: Span) -> Value | None:
     """The surface of that name of an object, or the list of those that are numbered; None where it has none."""
-    if index >= FIRST:
-        raise DependsOnValue
     named = [one for one in surface_values(lowering, index, base) if one.surface.name.partition("[")[0] == name]
     if len(named) == 1 and named[0].surface.name == name:
         return named[0].moved(origin)

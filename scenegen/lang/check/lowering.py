@@ -25,7 +25,6 @@ from scenegen.geometry import PRIMITIVES, Footprint, UnitMismatch
 from scenegen.geometry.primitives import ANGLE, BARE, Unit, agree
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.check.scope import Scope
-from scenegen.lang.check.template import placeholders
 from scenegen.lang.check.values import (
     MOST_VARIABLES,
     Area,
@@ -40,7 +39,7 @@ from scenegen.lang.check.values import (
     SurfaceValue,
     Value,
 )
-from scenegen.lang.formula.builder import CoreBuilder, FormulaTooLarge
+from scenegen.lang.formula.builder import CoreBuilder, DependsOnRound, FormulaTooLarge
 from scenegen.lang.formula.timed import Horizon
 from scenegen.lang.spec import Support, SurfaceChoice
 from scenegen.lang.syntax import ast
@@ -88,7 +87,7 @@ Environment = Mapping[str, Value]
 MOST_CALLS = 32  # how far outwards the blame goes: definitions may call each other thousands deep
 
 MAX_WORK = 4_000_000  # expressions to expand
-MAX_INSIDE = 150_000  # of these, in rounds of quantifiers and in definitions; two or three seconds
+MAX_INSIDE = 250_000  # of these, in rounds of quantifiers and in definitions; about five seconds
 FOR_A_CHARACTER = 2  # that many more for each character of the text: what is written out is its author's affair
 
 MOST_FRAMES = 4 * MAX_WORK  # of Python: no expression takes more
@@ -105,7 +104,7 @@ class Lowering(ABC):
 
     def __init__(self, scope: Scope, builder: CoreBuilder, length: int = 0) -> None:
         self.scope = scope
-        self.builder = self.root = builder
+        self.builder = builder
         self.coerce = Coercion(scope, builder, _ANY)
         self.used: set[str] = set()  # definitions, constants and regions that something used
         self.areas: dict[str, Area] = {}
@@ -119,8 +118,6 @@ class Lowering(ABC):
         self.steps = 0  # rounds of quantifiers so far
         self.inside = 0  # expressions expanded in them and in definitions
         self.most_inside = MAX_INSIDE + FOR_A_CHARACTER * length
-        self.made = 0  # steps of templates taken for rounds
-        self.placeholders = placeholders()
         self.expansions: dict[object, tuple[Value, list[Value]]] = {}  # with the arguments: see key_of
         self._work = 0  # expressions expanded so far
         self.values: dict[str, Value] = {}
@@ -145,10 +142,6 @@ class Lowering(ABC):
             raise FormulaTooLarge(
                 f"takes more than {self.most_inside:,} steps to expand its quantifiers and definitions"
             )
-
-    def use(self, builder: CoreBuilder) -> None:
-        """Expands into another builder from now on."""
-        self.builder = self.coerce.builder = builder
 
     # ---- where to put the blame
 
@@ -237,6 +230,8 @@ class Lowering(ABC):
         if not any(number.unit == ANGLE for number in numbers):
             return
         for number in numbers:
+            if number.unit == BARE and number.node in self.builder.varying:
+                raise DependsOnRound
             amount = self.builder.value(number.node) if number.unit == BARE else None
             if amount is not None and abs(amount) > TWO_PI:
                 raise SpecError(MORE_THAN_A_TURN(number.origin, amount=amount))

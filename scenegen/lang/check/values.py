@@ -332,8 +332,7 @@ class Coercion:
 
     `any` is the number that stands for a parameter which nobody has given a value. `footprints` has one entry per
     object, none while the objects are still being declared; `fixed` holds the poses of those that do not move: their
-    coordinates are constants. `stand_ins` has the footprints of objects that stand for many
-    (scenegen.lang.check.template).
+    coordinates are constants.
     """
 
     scope: Scope
@@ -341,7 +340,6 @@ class Coercion:
     any: float
     footprints: tuple[Footprint, ...] = ()
     fixed: Mapping[int, Pose] = field(default_factory=dict)
-    stand_ins: dict[int, Footprint] = field(default_factory=dict)
 
     def wrong(self, value: Value, wanted: str, place: str) -> SpecError:
         """What is wrong with a value's kind; `place` says what wanted it where the value has no role."""
@@ -429,7 +427,7 @@ class Coercion:
 
     def covers(self, index: int) -> Footprint:
         """What an object covers, in its own frame."""
-        return self.footprints[index] if index < len(self.footprints) else self.stand_ins[index]
+        return self.footprints[index]
 
 
 def key_of(value: Value) -> object:

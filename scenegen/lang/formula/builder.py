@@ -20,6 +20,7 @@ from scenegen.lang.formula.core import (
     Junction,
     Moment,
     Node,
+    Variable,
     Window,
     children,
     moved,
@@ -61,6 +62,8 @@ def _pieces(nodes: Sequence[Node], objects: Sequence[str], index: int, demanded:
     match nodes[index]:
         case Const(value):
             return [number_text(value)]
+        case Variable(name):
+            return [name]
         case Coord(which, axis):
             return [f"{NAMES[axis]}({objects[which]})"]
         case Apply("neg", (value,)):
@@ -133,6 +136,10 @@ MAX_NODES = 1_000_000
 RIGHT_ANGLE = 1e-15  # sines and cosines of constants that are smaller count as 0
 
 
+class DependsOnRound(Exception):  # noqa: N818 - a signal to the quantifier
+    """What a body means depends on the number that a variable stands for in a round."""
+
+
 class FormulaTooLarge(Exception):  # noqa: N818 - a signal to the checker, which words the diagnostic
     """The spec that there is too much of: what it does, in words."""
 
@@ -148,6 +155,7 @@ class CoreBuilder:
         self._sides: dict[int, tuple[int, int]] = {}  # of an atom, the numbers that it compares
         self.moving = 0  # objects that have coordinates of the moment before, too: all, in a spec over time
         self.called: dict[int, str] = {}  # numbers that have words of their own: speed(mug)
+        self.varying: set[int] = set()  # numbers that `variable`s alone decide, while there are any
 
     def _add(self, node: Node, key: object) -> int:
         known = self._index.get(key)
@@ -171,20 +179,22 @@ class CoreBuilder:
         """The coordinate of an object at the moment before; at the first moment, at that one."""
         return self.coord(self.moving + index, axis)
 
+    def variable(self, name: str) -> int:
+        """A number that stands for those of all rounds of a quantifier, until `varying` is emptied."""
+        number = self._add(Variable(name), ("variable", len(self.nodes)))
+        self.varying.add(number)
+        return number
+
     def value(self, number: int) -> float | None:
         """The value of a constant number, None of one that depends on the scene."""
         node = self.nodes[number]
         return node.value if isinstance(node, Const) else None
 
-    def divisor(self, number: int) -> float | None:
-        """The value of a constant, or of one that stands for many."""
-        return self.value(number)
-
     def apply(self, primitive: str, args: Sequence[int], shapes: tuple[Footprint, ...] = ()) -> int:
         """A primitive over numbers; over constants alone it is computed now. Raises OverflowError for infinity."""
         nodes = self.nodes
         values = [node.value if isinstance(node := nodes[arg], Const) else None for arg in args]
-        short = self.shortened(primitive, args, values)
+        short = self._simpler(primitive, args, values)
         if short is not None:
             return short
         known = [value for value in values if value is not None]
@@ -199,9 +209,12 @@ class CoreBuilder:
             return args[0]
         key = (primitive, tuple(args), shapes)
         known_ = self._index.get(key)
-        return self._add(Apply(*key), key) if known_ is None else known_
+        result_ = self._add(Apply(*key), key) if known_ is None else known_
+        if self.varying and all(isinstance(nodes[arg], Const) or arg in self.varying for arg in args):
+            self.varying.add(result_)
+        return result_
 
-    def shortened(self, primitive: str, args: Sequence[int], values: Sequence[float | None]) -> int | None:
+    def _simpler(self, primitive: str, args: Sequence[int], values: Sequence[float | None]) -> int | None:
         """A number that needs no primitive: x + 0, x * 1. `values` are those of the arguments that are constants."""
         if primitive == "mul":
             if 1.0 in values:  # an ANGLE_SCALE of 1 costs nothing
@@ -215,12 +228,6 @@ class CoreBuilder:
         # a thing beside itself: the same in every scene, and the checker says so
         alike = PRIMITIVES[primitive].vanishes and args[: len(args) // 2] == args[len(args) // 2 :]
         return self.const(0.0) if alike else None
-
-    def plain(self, primitive: str, args: tuple[int, ...], shapes: tuple[Footprint, ...]) -> int:
-        """`apply` for arguments of which none is constant and no two are alike."""
-        key = (primitive, args, shapes)
-        known = self._index.get(key)
-        return self._add(Apply(primitive, args, shapes), key) if known is None else known
 
     def text(self, number: int) -> str:
         """A number as the text of an atom shows it."""
@@ -240,6 +247,12 @@ class CoreBuilder:
             known = self._add(Atom(margin, text, unit, spans), key)
             self._sides[known] = lower, upper
         return known
+
+    def remarked(self, index: int, remark: str) -> int:
+        """An atom with a remark at the end of its text."""
+        atom = self.nodes[index]
+        assert isinstance(atom, Atom)
+        return self.atom_of(atom.margin, *self._sides[index], atom.text + remark, atom.unit, atom.spans)
 
     def _opposite(self, index: int, atom: Atom) -> None:
         """Makes the negation of an atom: most are never asked for."""

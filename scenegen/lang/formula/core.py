@@ -112,7 +112,15 @@ Temporal = Window | BoundedUntil | Moment | Everywhere
 """Formulas over time. Only the core of a spec over time has them; scenegen.lang.formula.timed takes them out of it, and
 no reader of a core formula ever meets one."""
 
-Node = Const | Coord | Apply | Atom | Junction | Window | BoundedUntil | Moment | Everywhere
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """The numbers that a variable of a quantifier stands for, all at once. Only a builder has it: in no core is one."""
+
+    name: str
+
+
+Node = Const | Coord | Apply | Atom | Junction | Temporal | Variable
 
 
 @dataclass(frozen=True, slots=True)

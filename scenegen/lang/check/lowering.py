@@ -87,7 +87,7 @@ Environment = Mapping[str, Value]
 MOST_CALLS = 32  # how far outwards the blame goes: definitions may call each other thousands deep
 
 MAX_WORK = 4_000_000  # expressions to expand
-MAX_INSIDE = 250_000  # of these, in rounds of quantifiers and in definitions; about five seconds
+MAX_INSIDE = 500_000  # of these, in rounds of quantifiers and in definitions; about eight seconds
 FOR_A_CHARACTER = 2  # that many more for each character of the text: what is written out is its author's affair
 
 MOST_FRAMES = 4 * MAX_WORK  # of Python: no expression takes more
@@ -125,6 +125,7 @@ class Lowering(ABC):
         self.noticed: list[Diagnostic] = []  # warnings
         self.numbered = False  # whether something asks how many things there are
         self.calls: dict[int, list[tuple[str, ast.Expr, str]]] = {}
+        self.named_in: dict[int, set[str]] = {}  # the names in a quantifier
 
     def spend(self, steps: int, frame: CallFrame) -> None:
         """Counts what is expanded. Raises FormulaTooLarge."""

@@ -24,6 +24,7 @@ from scenegen.lang.check.values import (
     NeighboursValue,
     NumberValue,
     Value,
+    key_of,
 )
 from scenegen.lang.formula.builder import CoreBuilder, DependsOnRound
 from scenegen.lang.formula.core import Apply, Atom, Const, Junction, children
@@ -196,9 +197,22 @@ def _evaluate(builder: CoreBuilder, number: int, values: dict[int, Any]) -> Any:
 
 def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value], frame: CallFrame) -> Value:
     """The junction of the body over the domain. Several variables over a list take unordered groups of its members,
-    over `consecutive(list)` neighbours, over a range increasing numbers. Raises SpecError, and FormulaTooLarge."""
+    over `consecutive(list)` neighbours, over a range increasing numbers; what does not depend on the rounds around is
+    expanded once for all of them. Raises SpecError, and FormulaTooLarge."""
     if lowering.builder.varying:
         raise DependsOnRound
+    if not frame.where:
+        return _expand(lowering, node, env, frame)
+    if id(node) not in lowering.named_in:
+        lowering.named_in[id(node)] = {one.id for one, _ in ast.walk(node) if isinstance(one, ast.Name)}
+    values = [env[name] for name in env if name in lowering.named_in[id(node)]]
+    key = (id(node), frame.calls, *map(key_of, values))
+    if key not in lowering.expansions:
+        lowering.expansions[key] = (_expand(lowering, node, env, frame), values)
+    return lowering.expansions[key][0]
+
+
+def _expand(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value], frame: CallFrame) -> Value:
     names = [variable.id for variable in node.variables]
     domain: Value | range
     if isinstance(node.domain, ast.Range):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.pose import AXES, EVERY, NAMES, THETA, TWO_PI, X, Y, along, object_count, row_of
+from scenegen.pose import AXES, EVERY, NAMES, THETA, TWO_PI, X, Y, along, object_count, row_of, wrap_heading
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,9 +82,8 @@ def turned(rows: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     outside = (theta < 0.0) | (theta >= TWO_PI)
     if not outside.any():
         return rows
-    rest = np.mod(theta, TWO_PI)
     rows = rows.copy()
-    rows[along(THETA)] = np.where(outside, np.where(rest < TWO_PI, rest, 0.0), theta)  # that of -1e-17 is rounded up
+    rows[along(THETA)] = np.where(outside, wrap_heading(np, theta), theta)
     return rows
 
 

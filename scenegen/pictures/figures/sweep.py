@@ -24,7 +24,7 @@ from scenegen.lang.formula.core import REQUIRE, Atom, Core, Junction, gated, par
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import THETA, TWO_PI, along, as_poses, object_count, row_count, span_of
+from scenegen.pose import THETA, along, as_poses, object_count, row_count, span_of, wrap_heading
 from scenegen.scenes.data import RequestData
 from scenegen.search import spec_bounds
 
@@ -152,9 +152,7 @@ def approach(
         jacobian = gradients(core, row, shares, moving, SHIFT * scale) * scale[moving]
         shift = _newton(jacobian, (target - phi)[off], SOFT_DAMPING if soft else HARD_DAMPING)
         row[moving] += scale[moving] * shift
-        theta = row[along(THETA)]
-        theta %= TWO_PI
-        theta[theta >= TWO_PI] = 0.0  # to which rounding can bring what is just below 0
+        row[along(THETA)] = wrap_heading(np, row[along(THETA)])
         row[moving] = np.clip(row, lowest, highest)[moving]
     return row
 

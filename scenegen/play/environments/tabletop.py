@@ -42,7 +42,7 @@ from scenegen.play.environments.request import (
 )
 from scenegen.play.environments.spaces import ActionMoves, ObservationEncoder, make_moves, make_views
 from scenegen.play.tasks import MOTION_ID, PhiBox
-from scenegen.pose import TWO_PI, is_angle, owner, row_count
+from scenegen.pose import is_angle, owner, row_count, wrap_heading
 from scenegen.sampling.request import Range
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -99,8 +99,7 @@ class Rules:
         off: Mask = np.asarray((np.abs(flat - kept) > EDGE).any(axis=0))
         rows[self.flat] = kept
         if len(self.turning):
-            theta = np.mod(rows[self.turning], TWO_PI)
-            rows[self.turning] = np.where(theta >= TWO_PI, 0.0, theta)  # the remainder of -1e-17 is rounded up
+            rows[self.turning] = wrap_heading(np, rows[self.turning])
         phi = self.score(rows)
         blocked = np.zeros(len(off), dtype=np.bool_)
         if self.score.requires:

@@ -387,10 +387,6 @@ LEVELS_INTERSECT = Kind(
 )
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Problems with random numbers of things: `object block[3..8]`.
-
-
 # in specs
 TOO_MANY_COUNTS = Kind(
     "too-many-counts",

@@ -11,10 +11,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
-# --------------------------------------------------------------------------------------------------------------------
-# Lists of names in a sentence, and suggestions for misspelt names.
-
-
 MOST_ALIKE = 500  # maximum number of known names with which a misspelt one is compared
 
 
@@ -66,7 +62,6 @@ def _alike(one: str, other: str) -> tuple[int, int]:
     return common, -abs(len(one) - len(other))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Templates of prose: the one place that turns the facts of a diagnostic into sentences.
 #
 #     {name}, {count:,}      a fact, formatted as by str.format
@@ -171,10 +166,6 @@ def _shown(fact: Any, how: str, spell: Spell) -> str:
             return ", ".join(shown) + (", ..." if more else "")
         return ", ".join(f"`{one}`" for one in shown) + ", ..." if more else quoted(shown)
     return format(fact, how) if how else str(fact)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Texts that diagnostics point into, and places in them.
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,10 +289,6 @@ class Diagnostic:
         return replace(self, facts={**self.facts, **facts})
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The facts of a diagnostic as data: which a kind has, and their values for JSON.
-
-
 def names(kind: Kind) -> list[str]:
     """The facts that the texts of a kind can show, sorted; those of an expansion, which any kind can have, left out."""
     texts = [
@@ -330,14 +317,10 @@ def _plain(fact: Any) -> Any:
     return _plain(fact.item()) if hasattr(fact, "item") and getattr(fact, "ndim", 1) == 0 else str(fact)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Diagnostics as text, for terminals, pipes and notebooks alike, and as data for editors and scripts.
-
-
 TAB = 4  # columns a tab takes in a printed source line
 WIDTH = 100  # columns of a source line that are shown around the caret
-LONGEST_NAME = 80  # characters of a `quoted` name; the middle of a longer one is left out
-LONGEST = 1000  # characters of a title, label, note or help
+MAX_NAME_LENGTH = 80  # characters of a `quoted` name; the middle of a longer one is left out
+MAX_MESSAGE_LENGTH = 1000  # characters of a title, label, note or help
 
 _STYLES = {
     "error": "\x1b[1;31m",
@@ -363,12 +346,12 @@ def _cut(text: str) -> str:
     characters that steer a terminal, which are shown as dots."""
     text = "\n".join(map(_printable, text.splitlines()))
     shorter = re.sub(r"`([^`\n]+)`", lambda found: f"`{_shortened(found[1])}`", text)
-    return shorter if len(shorter) <= LONGEST else shorter[:LONGEST] + "..."
+    return shorter if len(shorter) <= MAX_MESSAGE_LENGTH else shorter[:MAX_MESSAGE_LENGTH] + "..."
 
 
 def _shortened(name: str) -> str:
-    half = (LONGEST_NAME - 3) // 2
-    return name if len(name) <= LONGEST_NAME else f"{name[:half]}...{name[-half:]}"
+    half = (MAX_NAME_LENGTH - 3) // 2
+    return name if len(name) <= MAX_NAME_LENGTH else f"{name[:half]}...{name[-half:]}"
 
 
 def _window(line: str, column: int) -> tuple[str, int]:
@@ -455,10 +438,6 @@ def to_json(diagnostic: Diagnostic, spell: Spell = python_name) -> dict[str, Any
             for name, offset in (("start", span.start), ("end", max(span.start, span.end)))
         }
     return found
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Exceptions for problems that the user can fix.
 
 
 class ScenegenError(Exception):

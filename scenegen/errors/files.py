@@ -270,10 +270,6 @@ OTHER_REQUEST = Kind(
 )
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What is wrong with sets of scenes: folders on a disk or in an object store, and the engines that write them.
-
-
 UNKNOWN_STORE = Kind(
     "unknown-store",
     "cannot open {location}: {reason}",

@@ -238,10 +238,6 @@ NO_SUCH_PART = Kind(
 )
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Syntax errors of specs: bytes, brackets, words in the wrong place.
-
-
 SPEC_TOO_LONG = Kind(
     "spec-too-long",
     (

@@ -100,10 +100,6 @@ ONE_ENVIRONMENT = Kind(
 )
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What is wrong with training data, training runs, model files, and arrays given to metrics.
-
-
 # training data
 TOO_RARE_TO_TRAIN = Kind(
     "too-rare-to-train",

@@ -76,10 +76,6 @@ NEW_RATE = Kind(
 )
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What goes wrong with the page of `scenegen view`: opening it, serving it, and what it wants.
-
-
 NOT_OPENED = Kind(
     "not-opened",
     ("cannot open {name}: there is no such file", "cannot open {file}: {reason}"),

@@ -257,23 +257,23 @@ _FOUND = (
     "found none of {n:,} scenes in {tried}[[; {kept}]]",
 )
 _MORE = "[[; {refused}]][[; {folder} keeps what is done: go on with <resume>]]"
-_TIME = "give it more time with <timeout>"
+_LONGER = "give it more time with <timeout>"
 _KEEP = ", or save what there is with <keep_partial>"
 TOO_FEW_IN_RANGE = Kind(
     "too-few-in-range",
     _FOUND,
     "`{atom}` decides phi in {deciding:.0%} of those that fail",
-    (f"{{found:?}}widen the range, {_TIME}{_KEEP}", f"widen the range, {_TIME}"),
+    (f"{{found:?}}widen the range, {_LONGER}{_KEEP}", f"widen the range, {_LONGER}"),
     "phi of `{label}` was outside `{range}` in {share} of the last {candidates:,} candidates" + _MORE,
 )
 TOO_FEW_IN_CELL = Kind(
     "too-few-in-cell",
     _FOUND,
     help=(
-        f"{{found:?}}{{cells:?}}ask for `<spread=base>`, leave out the rarest part of the range, or {_TIME}{_KEEP}",
-        f"{{cells:?}}ask for `<spread=base>`, leave out the rarest part of the range, or {_TIME}",
-        f"{{found:?}}{_TIME}, ask for fewer scenes{_KEEP}",
-        f"{_TIME}, or ask for fewer scenes",
+        f"{{found:?}}{{cells:?}}ask for `<spread=base>`, leave out the rarest part of the range, or {_LONGER}{_KEEP}",
+        f"{{cells:?}}ask for `<spread=base>`, leave out the rarest part of the range, or {_LONGER}",
+        f"{{found:?}}{_LONGER}, ask for fewer scenes{_KEEP}",
+        f"{_LONGER}, or ask for fewer scenes",
     ),
     note="[[{rarest} is the rarest part of the range]]" + _MORE,
 )
@@ -282,8 +282,8 @@ TOO_FEW_MEET_REQUIREMENT = Kind(
     _FOUND,
     "`{atom}` decides phi in {deciding:.0%} of those that fail",
     (
-        f"{{found:?}}require less, or make the workspace larger; or {_TIME}{_KEEP}",
-        f"require less, or make the workspace larger; or {_TIME}",
+        f"{{found:?}}require less, or make the workspace larger; or {_LONGER}{_KEEP}",
+        f"require less, or make the workspace larger; or {_LONGER}",
     ),
     "phi of `{label}` was outside `{range}` in {share} of the last {candidates:,} candidates" + _MORE,
 )

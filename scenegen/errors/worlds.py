@@ -102,10 +102,6 @@ ONE_PROBLEM_A_FILE = Kind(
 )
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What is wrong with scenes that are put into the environments of other libraries.
-
-
 PLACEMENT = Kind(
     "placement",
     (

@@ -24,7 +24,7 @@ from scenegen.errors.requests import (
     UNKNOWN_OBJECT,
 )
 from scenegen.geometry import NUMPY
-from scenegen.lang.formula.core import REQUIRE, Core, gated, read_rows
+from scenegen.lang.formula.core import REQUIRE, Core, gate, read_rows
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_count, row_of, span_of
@@ -256,7 +256,7 @@ def make_problem(
     effort = effort or (Effort() if budget is None else Effort(lambda: budget.overdrawn))
     try:
         lowest, highest, fixed = hold_fixed(spec, request.fix)
-        core = gated(spec.core)
+        core = gate(spec.core)
         low, high = label_bounds(spec.core, lowest, highest, effort)
         bounds = dict(zip(spec.core.labels, zip(low.tolist(), high.tolist(), strict=True), strict=True))
         tape = make_tape(core, lowest, highest, effort)

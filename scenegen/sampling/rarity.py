@@ -23,7 +23,7 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.geometry import NUMPY
 from scenegen.geometry.footprint import Circle
-from scenegen.lang.formula.core import REQUIRE, Apply, Core, gated, part_of
+from scenegen.lang.formula.core import REQUIRE, Apply, Core, gate, part_of
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.sampling.problem import Cells
@@ -218,7 +218,7 @@ def measure(
     nodes. Where `stop` raises StoppedError, runs end with what they have, and labels that were not begun are left out;
     it is raised again if there are none. Raises whatever else `stop` raises."""
     with np.errstate(all="ignore"):  # phi may overflow or be undefined somewhere: such scenes count as unreachable
-        return _measure(gated(core), lowest, highest, labels, seed, work, stop)
+        return _measure(gate(core), lowest, highest, labels, seed, work, stop)
 
 
 def _measure(
@@ -233,10 +233,10 @@ def _measure(
     base: _Base | None = None
     required: Estimate | None = None
     spent = 0
-    gate = (REQUIRE,) if REQUIRE in core.labels else ()
-    count = _chains([part_of(core, (label, *gate)) for label in labels], lowest, highest, effort)
-    if gate:
-        base, best = _require(part_of(core, gate), lowest, highest, count, seed, effort, stop)
+    gates = (REQUIRE,) if REQUIRE in core.labels else ()
+    count = _chains([part_of(core, (label, *gates)) for label in labels], lowest, highest, effort)
+    if gates:
+        base, best = _require(part_of(core, gates), lowest, highest, count, seed, effort, stop)
         spent = base.evaluations
         if not base.weights.any():
             return RequirementUnmet(best, spent)
@@ -247,7 +247,7 @@ def _measure(
         if not make_frame(alone, lowest, highest).dimension:
             reaches[label] = constant(float(evaluate(alone, list(lowest), NUMPY)[label]))
             continue
-        one = part_of(core, (label, *gate))
+        one = part_of(core, (label, *gates))
         rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, STREAM, 1 + index])))
         try:
             start, weights = _begin(make_frame(one, lowest, highest), base, count, rng, stop)
@@ -267,10 +267,10 @@ def needs_growth(spec: CheckedSpec, labels: Sequence[str]) -> bool:
     hardly ever change, or if phi takes long to compute."""
     if spec.choices:
         return True
-    core, (lowest, highest) = gated(spec.core), spec.box()
-    gate = (REQUIRE,) if REQUIRE in core.labels else ()
+    core, (lowest, highest) = gate(spec.core), spec.box()
+    gates = (REQUIRE,) if REQUIRE in core.labels else ()
     for label in labels:
-        one = part_of(core, (label, *gate))
+        one = part_of(core, (label, *gates))
         dimension = make_frame(one, lowest, highest).dimension
         moves = ROUNDS * longest(max(1, dimension)) * DEPTH
         if dimension > MANY or AFFORDED * 2 * len(labels) * cost(one) * moves > COUNTED * WORK:

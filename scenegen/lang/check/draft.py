@@ -19,7 +19,7 @@ from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import MOST_ERRORS
 from scenegen.things import Shape
 
-Look = Callable[[Lowering], None]
+BeforeFormulas = Callable[[Lowering], None]
 
 
 class Problems(list[Diagnostic]):
@@ -61,7 +61,7 @@ class Draft:
 
     module: ast.Module
     project: Project
-    look: Look | None
+    look: BeforeFormulas | None
     counts: Mapping[str, int]
     scope: Scope = field(init=False)
     lowering: Lowering = field(init=False)

@@ -25,7 +25,7 @@ from scenegen.geometry.primitives import LENGTH, quantity
 from scenegen.lang.check.functions import (
     OF_SUPPORT,
     function,
-    joined,
+    join_lists,
     list_function,
     note_elsewhere,
     step_function,
@@ -53,9 +53,6 @@ from scenegen.lang.check.values import (
 )
 from scenegen.lang.formula.builder import FALSE, TRUE
 from scenegen.lang.syntax import ast
-
-# --------------------------------------------------------------------------------------------------------------------
-# What a name stands for: a bound value, objects, a region, a constant or a label.
 
 
 def refer(lowering: Lowering, node: ast.Name, env: Mapping[str, Value], frame: CallFrame) -> Value:
@@ -104,10 +101,6 @@ def objects(lowering: Lowering, node: ast.Name, frame: CallFrame, origin: Span) 
         return ObjectValue(lowering.scope.objects[node.id], origin=origin)
     places = range(len(lowering.scope.objects)) if node.id == "objects" else lowering.scope.arrays[node.id]
     return ListValue(Row(places, origin), origin=origin)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Calls: definitions expanded once for each set of arguments, primitives, and functions of lists and heights.
 
 
 def call(lowering: Lowering, node: ast.Call, env: Mapping[str, Value], frame: CallFrame) -> Value:
@@ -174,10 +167,6 @@ def _expand(
         expanded: Value = lowering.lower(definition.body, values, inside)
         lowering.expansions[key] = (expanded, ordered)
     return lowering.expansions[key][0].moved(places[0])
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Expressions, each with its kind and unit.
 
 
 class FormulaLowering(Lowering):
@@ -290,7 +279,7 @@ class FormulaLowering(Lowering):
         for part in parts:
             values.append(self.at_once(part, env, frame) or self.lower(part, env, frame))
         if isinstance(node, ast.Binary) and symbol == "+":
-            both = joined(self, values, node, frame)
+            both = join_lists(self, values, node, frame)
             if both is not None:
                 return both
         numbers = [self.coerce.number(value, f"what `{symbol}` works on") for value in values]

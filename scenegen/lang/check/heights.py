@@ -54,7 +54,6 @@ if TYPE_CHECKING:
     from scenegen.lang.check.lowering import Lowering
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # `base` and `load`: what an object was declared to stand on, and the centre of mass of it and all that it carries.
 #
 # Where a support is a choice, both are numbers that the switches pick.
@@ -142,7 +141,7 @@ def height_function(lowering: Lowering, name: str, values: list[Value], node: as
     if name in ("z", "height", "top"):
         return NumberValue(_height(lowering, name, value), LENGTH, origin=origin)
     if name == "apart":
-        return NumberValue(_apart(lowering, values, node, frame), LENGTH, origin=origin)
+        return NumberValue(_body_clearance(lowering, values, node, frame), LENGTH, origin=origin)
     if name == "bodies":
         return _bodies(lowering, value)
     if name == "surfaces":
@@ -196,7 +195,7 @@ def _height(lowering: Lowering, name: str, value: Value) -> int:
     builder = lowering.builder
     match value:
         case ChosenValue(chooser, options):
-            return picked(lowering, lowering.choices[chooser], [_height(lowering, name, one) for one in options])
+            return pick_number(lowering, lowering.choices[chooser], [_height(lowering, name, one) for one in options])
         case ObjectValue(which):
             own = lowering.shapes[which].height
             if name == "height":
@@ -217,7 +216,7 @@ def _height(lowering: Lowering, name: str, value: Value) -> int:
             raise lowering.coerce.wrong(value, "an object", f"the argument of `{name}`")
 
 
-def _apart(lowering: Lowering, values: list[Value], node: ast.Call, frame: CallFrame) -> int:
+def _body_clearance(lowering: Lowering, values: list[Value], node: ast.Call, frame: CallFrame) -> int:
     """min over the upright pieces of both bodies of the larger of their clearances, in the plane and along z."""
     first, second = values
     if isinstance(first, RegionValue) and isinstance(second, RegionValue):
@@ -338,10 +337,6 @@ def _inside(lowering: Lowering, upper: int, lower: int, above: float, supports: 
     return lowering.builder.apply("room", poses, (footprint, widest))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Taking one thing out of another: `placemat.left`, `block[3]`.
-
-
 LIST_MEMBERS = ("first", "last", "count")
 SURFACE_SIZES = ("length", "depth")  # of a surface, beside `width` and `height`, which regions have, too
 
@@ -437,14 +432,10 @@ def index(lowering: Lowering, base: Value, place: NumberValue, node: ast.Index, 
     return items[which - 1]
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Numbers of what a choice picks.
-
-
 MOST_CASES = 512  # combinations of choices that are distinguished for one pair of objects
 
 
-def picked(lowering: Lowering, choice: SurfaceChoice, numbers: Sequence[int]) -> int:
+def pick_number(lowering: Lowering, choice: SurfaceChoice, numbers: Sequence[int]) -> int:
     """The number among some that the switch of a choice picks."""
     builder = lowering.builder
     switch = builder.coord(choice.switch, X)
@@ -459,7 +450,7 @@ def of_options(lowering: Lowering, value: ChosenValue, number: Callable[[Value],
     """A number of what a choice picks: `number` gives it for each of the options."""
     made = [number(one) for one in value.options]
     choice = lowering.choices[value.chooser]
-    return NumberValue(picked(lowering, choice, [one.node for one in made]), made[0].unit, origin=made[0].origin)
+    return NumberValue(pick_number(lowering, choice, [one.node for one in made]), made[0].unit, origin=made[0].origin)
 
 
 def level(lowering: Lowering, which: int) -> int:
@@ -480,7 +471,7 @@ def level(lowering: Lowering, which: int) -> int:
         for under in options(one):
             rise = builder.const(under.height)
             numbers.append(rise if under.carrier is None else builder.apply("add", (made[under.carrier], rise)))
-        made[one] = picked(lowering, lowering.choices[one], numbers) if one in lowering.choices else numbers[0]
+        made[one] = pick_number(lowering, lowering.choices[one], numbers) if one in lowering.choices else numbers[0]
     return made[which]
 
 
@@ -525,7 +516,7 @@ def of_cases(
         chunks = [
             dict(zip(apart[one], values[start : start + size], strict=True)) for start in range(0, len(values), size)
         ]
-        values = [picked(lowering, lowering.choices[one], [chunk[at] for at in free[one]]) for chunk in chunks]
+        values = [pick_number(lowering, lowering.choices[one], [chunk[at] for at in free[one]]) for chunk in chunks]
     return values[0]
 
 

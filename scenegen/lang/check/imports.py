@@ -29,8 +29,8 @@ from scenegen.lang.syntax.tokens import has_time
 from scenegen.resources import note_input
 from scenegen.things.library import Shape
 
-MAX_BYTES = 64_000_000
-MAX_FILES = 1000
+MAX_IMPORTED_BYTES = 64_000_000
+MAX_IMPORTED_FILES = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +77,12 @@ class Project:
                 raise SpecError(CANNOT_READ_IMPORT(here, path=path, what=what))
             note_input(wanted)
             with wanted.open("rb") as file:
-                data = file.read(MAX_BYTES + 1)  # what the system calls its size may be a lie, as in /proc
+                data = file.read(MAX_IMPORTED_BYTES + 1)  # what the system calls its size may be a lie, as in /proc
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
             raise SpecError(CANNOT_READ_IMPORT(here, path=path, reason=reason, beside=_beside(wanted))) from None
-        if len(data) > MAX_BYTES:
-            raise SpecError(SPEC_TOO_LONG(here, path=path, limit=MAX_BYTES))
+        if len(data) > MAX_IMPORTED_BYTES:
+            raise SpecError(SPEC_TOO_LONG(here, path=path, limit=MAX_IMPORTED_BYTES))
         return data
 
     def read_beside(self, path: str, other: str, here: Span) -> bytes:
@@ -133,8 +133,8 @@ def inline(module: ast.Module, project: Project) -> tuple[list[SourcedStatement]
                 raise SpecError(IMPORT_CYCLE(here, path=statement.path.value))
             if path in seen:
                 continue
-            if len(seen) >= MAX_FILES:
-                problems.append(SPEC_TOO_LONG(here, limit=MAX_FILES, files=True))
+            if len(seen) >= MAX_IMPORTED_FILES:
+                problems.append(SPEC_TOO_LONG(here, limit=MAX_IMPORTED_FILES, files=True))
                 break
             imported = _imported(statement.path.value, path, here, project, timed)
         except SpecError as error:

@@ -26,7 +26,7 @@ from scenegen.geometry.primitives import ANGLE, BARE, Unit, agree
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.check.scope import Scope
 from scenegen.lang.check.values import (
-    MOST_VARIABLES,
+    MAX_NOTED_VARIABLES,
     Area,
     CallFrame,
     ChosenValue,
@@ -47,9 +47,6 @@ from scenegen.lang.syntax.tokens import UNITS_OF_TIME
 from scenegen.pose import TWO_PI
 from scenegen.things import Shape
 
-# --------------------------------------------------------------------------------------------------------------------
-# Formulas as deep as the parser lets them be.
-
 
 class _DeepRecursion:
     """Python's limit of recursion, lifted while some thread expands a formula, and then as it was. Calls from Python to
@@ -64,7 +61,7 @@ class _DeepRecursion:
         with self._lock:
             if not self._inside:
                 self._usual = sys.getrecursionlimit()
-                sys.setrecursionlimit(MOST_FRAMES)
+                sys.setrecursionlimit(MAX_FRAMES)
             self._inside += 1
 
     def __exit__(
@@ -78,19 +75,16 @@ class _DeepRecursion:
 
 _DEEP = _DeepRecursion()
 
-# --------------------------------------------------------------------------------------------------------------------
-# The state of a spec that is expanded.
-
 
 Environment = Mapping[str, Value]
 
-MOST_CALLS = 32  # how far outwards the blame goes: definitions may call each other thousands deep
+MAX_BLAMED_CALLS = 32  # how far outwards the blame goes: definitions may call each other thousands deep
 
 MAX_WORK = 4_000_000  # expressions to expand
 MAX_INSIDE = 500_000  # of these, in rounds of quantifiers and in definitions; about eight seconds
-FOR_A_CHARACTER = 2  # that many more for each character of the text: what is written out is its author's affair
+INSIDE_PER_CHARACTER = 2  # that many more for each character of the text: what is written out is its author's affair
 
-MOST_FRAMES = 4 * MAX_WORK  # of Python: no expression takes more
+MAX_FRAMES = 4 * MAX_WORK  # of Python: no expression takes more
 
 _ANY = 0.7320508  # any number: one that no body of a definition is likely to turn into a division by zero
 
@@ -117,7 +111,7 @@ class Lowering(ABC):
         self.heights: Sequence[float | None] | None = None
         self.steps = 0  # rounds of quantifiers so far
         self.inside = 0  # expressions expanded in them and in definitions
-        self.most_inside = MAX_INSIDE + FOR_A_CHARACTER * length
+        self.most_inside = MAX_INSIDE + INSIDE_PER_CHARACTER * length
         self.expansions: dict[object, tuple[Value, list[Value]]] = {}  # with the arguments: see key_of
         self._work = 0  # expressions expanded so far
         self.values: dict[str, Value] = {}
@@ -144,13 +138,11 @@ class Lowering(ABC):
                 f"takes more than {self.most_inside:,} steps to expand its quantifiers and definitions"
             )
 
-    # ---- where to put the blame
-
     def spans(self, node: ast.Node, frame: CallFrame) -> tuple[Span, ...]:
         """The user's places for a node, innermost first: the prelude's own lines are of no help to anybody."""
         places = (node.span(frame.source), *frame.calls)
         own = tuple(span for span in places if span.source is not self.scope.prelude)
-        return (own or places)[:MOST_CALLS]
+        return (own or places)[:MAX_BLAMED_CALLS]
 
     def origin(self, node: ast.Node, frame: CallFrame) -> Span:
         """The user's innermost place for a node."""
@@ -164,7 +156,7 @@ class Lowering(ABC):
         places = self.spans(node, frame)
         called = places[1].place if len(places) > 1 else None
         where = [f"{name} = {self.text(value)}" for choice in frame.where for name, value in choice.items()]
-        shown = ", ".join(where[-MOST_VARIABLES:])
+        shown = ", ".join(where[-MAX_NOTED_VARIABLES:])
         return SpecError(kind(places[0], expansion=frame.text, where=shown, called=called, **facts))
 
     def evaluate(self, node: ast.Expr, frame: CallFrame, env: Environment = MappingProxyType({})) -> Value:

@@ -17,7 +17,7 @@ from scenegen.errors.language import EMPTY_RANGE, TOO_FEW_ELEMENTS
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.geometry.primitives import BARE
 from scenegen.lang.check.values import (
-    MOST_VARIABLES,
+    MAX_NOTED_VARIABLES,
     AnyValue,
     CallFrame,
     FormulaValue,
@@ -35,8 +35,10 @@ if TYPE_CHECKING:
     from scenegen.lang.check.lowering import Lowering
 
 
-MAX_STEPS = 200_000  # rounds of all quantifiers of a spec together
-MAX_FORESEEN_STEPS = 10 * MAX_STEPS  # refused at once, in case that later rounds of an outer one have less to do inside
+MAX_ROUNDS = 200_000  # rounds of all quantifiers of a spec together
+MAX_FORESEEN_STEPS = (
+    10 * MAX_ROUNDS
+)  # refused at once, in case that later rounds of an outer one have less to do inside
 MAX_DOMAIN_LENGTH = 40  # characters of the domain that a sub-formula's name shows
 UNFORESEEN_ROUNDS = 2  # the first ones, which say nothing of later ones: they expand what all share
 MIN_FOLDED_ROUNDS = 256  # over numbers, of which the hardest alone may be kept
@@ -59,7 +61,12 @@ class Rounds:
         names = [variable.id for variable in self.node.variables]
         chosen = {name: value.moved(value.origin) for name, value in zip(names, choice, strict=True)}
         inside = CallFrame(
-            frame.source, frame.calls, frame.text, frame.body, (*frame.where, chosen)[-MOST_VARIABLES:], frame.rounds
+            frame.source,
+            frame.calls,
+            frame.text,
+            frame.body,
+            (*frame.where, chosen)[-MAX_NOTED_VARIABLES:],
+            frame.rounds,
         )
         value = lowering.lower(self.node.body, {**self.env, **chosen}, inside)
         return lowering.coerce.formula(value, f"the formula of `{self.node.kind}`")
@@ -243,13 +250,13 @@ def _expand(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value], 
 
 def count_rounds(lowering: Lowering, more: int, node: ast.Quantifier, frame: CallFrame, foreseen: int = 0) -> None:
     """Raises SpecError where a quantifier takes too many rounds, with what is foreseen for those around it."""
-    if lowering.steps + more > MAX_STEPS or foreseen > MAX_FORESEEN_STEPS:
+    if lowering.steps + more > MAX_ROUNDS or foreseen > MAX_FORESEEN_STEPS:
         raise too_many(lowering, node.domain, frame)
 
 
 def too_many(lowering: Lowering, node: ast.Expr, frame: CallFrame) -> SpecError:
     """Nested quantifiers make a spec larger than its text shows."""
-    return lowering.error(SPEC_TOO_LARGE, node, frame, limit=MAX_STEPS)
+    return lowering.error(SPEC_TOO_LARGE, node, frame, limit=MAX_ROUNDS)
 
 
 def _range(lowering: Lowering, node: ast.Range, env: Mapping[str, Value], frame: CallFrame) -> range | AnyValue:
@@ -264,7 +271,7 @@ def _range(lowering: Lowering, node: ast.Range, env: Mapping[str, Value], frame:
         written = isinstance(node.lowest, ast.Quantity) and isinstance(node.highest, ast.Quantity)
         instead = f"{highest}..{lowest}" if written else None
         raise lowering.error(EMPTY_RANGE, node, frame, lowest=lowest, highest=highest, instead=instead)
-    if highest - lowest >= MAX_STEPS:
+    if highest - lowest >= MAX_ROUNDS:
         raise too_many(lowering, node, frame)
     return range(lowest, highest + 1)
 

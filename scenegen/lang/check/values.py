@@ -20,10 +20,6 @@ from scenegen.lang.spec import Pose
 from scenegen.lang.syntax import ast
 from scenegen.things.furniture import SupportSurface
 
-# --------------------------------------------------------------------------------------------------------------------
-# Regions and their named points: what `placemat.left` and `workspace.center` stand for.
-
-
 Point = tuple[float, float]
 
 
@@ -106,11 +102,7 @@ def board_gap(one: Area, other: Area) -> float:
     return max(beside, one.z - min(BOARD, one.z) - other.z, other.z - min(BOARD, other.z) - one.z)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Values.
-
-
-LONGEST = 40  # characters of the user's text that a help line repeats
+MAX_ECHO_LENGTH = 40  # characters of the user's text that a help line repeats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -239,7 +231,7 @@ class AnyValue(Value):
     """A parameter of a definition that nobody calls: it may be anything, so only the rest of the body is checked."""
 
 
-MOST_VARIABLES = 4  # how many variables of quantifiers a note names
+MAX_NOTED_VARIABLES = 4  # how many variables of quantifiers a note names
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,14 +286,14 @@ def _remedy(value: Value, wanted: str, role: str) -> str:
         return "it stands in a quantifier: forall p, q in consecutive(items): ..."
     if isinstance(value, ListValue) and "surface" in wanted:
         written = value.origin.text
-        if written.startswith("[") or len(written) > LONGEST:
+        if written.startswith("[") or len(written) > MAX_ECHO_LENGTH:
             return "one of several in each scene is `on any of [...]`, with all of them in one list"
         return f"take one of them, {written}[1], or one of them in each scene: on any of {written}"
     if isinstance(value, ListValue):
         written = value.origin.text
         if not value.items:
             return ""
-        if len(written) > LONGEST:
+        if len(written) > MAX_ECHO_LENGTH:
             written = "items"
         return f"take one of them, {written}[1], or all: forall p in {written}: ..."
     if wanted == "a list" and isinstance(value, ObjectValue):
@@ -320,10 +312,6 @@ def _remedy(value: Value, wanted: str, role: str) -> str:
         height = f"; a height is compared: z(mug) >= {value.origin.text}" if value.unit == LENGTH else ""
         return f"name an object or a surface, such as workspace or cabinet.top{height}"
     return ""
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Values held against the kind that their place demands.
 
 
 @dataclass(slots=True)

@@ -23,15 +23,11 @@ from scenegen.lang.formula.core import (
     Variable,
     Window,
     children,
-    moved,
+    renumber,
 )
 from scenegen.pose import NAMES
 
-# --------------------------------------------------------------------------------------------------------------------
-# Numbers of the core formula in the words of the language.
-
-
-LONGEST = 120  # characters; what is cut off is marked with three dots
+MAX_TEXT_LENGTH = 120  # characters; what is cut off is marked with three dots
 
 _SHAPES = {"Circle": "circle", "Box": "rect", "Polygon": "polygon"}  # regions, whose names the core does not keep
 _INFIX = {"add": (1, "+"), "sub": (1, "-"), "mul": (2, "*"), "div": (2, "/")}
@@ -47,7 +43,7 @@ def describe(nodes: Sequence[Node], objects: Sequence[str], index: int) -> str:
     out: list[str] = []
     length = 0
     stack: list[str | tuple[int, int]] = [(index, 0)]
-    while stack and length <= LONGEST:
+    while stack and length <= MAX_TEXT_LENGTH:
         item = stack.pop()
         if isinstance(item, str):
             out.append(item)
@@ -55,7 +51,7 @@ def describe(nodes: Sequence[Node], objects: Sequence[str], index: int) -> str:
             continue
         stack.extend(reversed(_pieces(nodes, objects, *item)))
     text = "".join(out)
-    return text if not stack and length <= LONGEST else text[:LONGEST] + "..."
+    return text if not stack and length <= MAX_TEXT_LENGTH else text[:MAX_TEXT_LENGTH] + "..."
 
 
 def _pieces(nodes: Sequence[Node], objects: Sequence[str], index: int, demanded: int) -> list[str | tuple[int, int]]:
@@ -166,8 +162,6 @@ class CoreBuilder:
             self.nodes.append(node)
         return known
 
-    # ---- numbers
-
     def const(self, value: float) -> int:
         return self._add(Const(value), ("const", value, math.copysign(1.0, value)))
 
@@ -233,8 +227,6 @@ class CoreBuilder:
         """A number as the text of an atom shows it."""
         return self.called.get(number) or describe(self.nodes, self.objects, number)
 
-    # ---- formulas
-
     def atom(self, lower: int, upper: int, text: str, unit: Unit, spans: tuple[Span, ...]) -> int:
         """lower <= upper, with the margin upper - lower; its negation has lower - upper, which rounds to the same."""
         return self.atom_of(self.apply("sub", (upper, lower)), lower, upper, text, unit, spans)
@@ -257,7 +249,7 @@ class CoreBuilder:
     def _opposite(self, index: int, atom: Atom) -> None:
         """Makes the negation of an atom: most are never asked for."""
         lower, upper = self._sides[index]
-        text = _negated(atom.text)
+        text = _negation_text(atom.text)
         margin = self.apply("sub", (lower, upper))
         fails = self._add(Atom(margin, text, atom.unit, atom.spans), ("atom", margin, text))
         self._negation[index] = fails
@@ -304,7 +296,7 @@ class CoreBuilder:
         if isinstance(node, Everywhere):
             return self.everywhere(not node.holds)
         assert isinstance(node, Junction | Window | BoundedUntil | Moment)
-        text = _negated(node.text) if node.text else ""
+        text = _negation_text(node.text) if node.text else ""
         if isinstance(node, Moment):
             return self.moment(node.which, parts[0], text)
         kind: Literal["min", "max"] = "max" if node.kind == "min" else "min"
@@ -313,8 +305,6 @@ class CoreBuilder:
         if isinstance(node, BoundedUntil):
             return self.until(kind, parts[0], parts[1], node.lowest, node.highest, node.closed, text)
         return self.junction(kind, parts, text)
-
-    # ---- formulas over time
 
     def everywhere(self, holds: bool) -> int:
         """What holds at every moment, or at none, beside formulas that end with the horizon."""
@@ -346,8 +336,6 @@ class CoreBuilder:
             return part
         return self._add(Moment(which, part, text), ("moment", which, part))
 
-    # ---- the end
-
     def finish(self, labels: dict[str, int], requirement: int | None = None) -> Core:
         """The core of these labels: every node after those that it is computed from, and the first label's first.
 
@@ -362,7 +350,7 @@ class CoreBuilder:
             if index < 0:  # all that it is computed from has its place
                 if ~index not in place:
                     place[~index] = len(nodes)
-                    nodes.append(moved(self.nodes[~index], place))
+                    nodes.append(renumber(self.nodes[~index], place))
             elif index not in place:
                 needed = children(self.nodes[index])
                 if needed:
@@ -375,7 +363,7 @@ class CoreBuilder:
         return Core(tuple(nodes), {name: place[index] for name, index in labels.items()}, self.objects, kept)
 
 
-def _negated(text: str) -> str:
+def _negation_text(text: str) -> str:
     """`!text`, with the parentheses it needs; a double negation falls away."""
     if text.startswith("!"):
         inner = text[1:]

@@ -17,7 +17,7 @@ from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 from scenegen.lang.syntax.tokens import KEYWORDS, TEMPORAL, Token, column, has_time, scan, spelling
 
-WIDTH = 100  # columns; a longer formula is broken before its outermost operators
+PRINT_WIDTH = 100  # columns; a longer formula is broken before its outermost operators
 INDENT = 4
 
 # binding strength, loosest first; a part is put in parentheses where it binds more loosely than its place demands
@@ -241,9 +241,6 @@ def _listed_flat(names: Iterable[str]) -> Pieces:
         yield name
 
 
-# ---- statements ----------------------------------------------------------------------------------------------------
-
-
 def head(statement: ast.Statement) -> Pieces:
     """What opens a statement: all but the formula or value it ends in."""
     match statement:
@@ -350,7 +347,6 @@ def _parameter(one: ast.Parameter) -> Pieces:
         yield from (SPACE, "=", SPACE, ExpressionPart(one.default, SUM))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Canonical text has one statement a line, one spelling per operator, no comments and only the parentheses it needs.
 # Parsing it gives the same tree, so printing that again gives the same text.
 
@@ -364,7 +360,7 @@ def print_statement(statement: ast.Statement) -> str:
     """The canonical text of a statement; a long `&` or `|` at its top stands on lines of its own."""
     line = flat(expand(statement_pieces(statement)))
     end = tail(statement)
-    if len(line) <= WIDTH or end is None or not end.joins or not isinstance(end.node, ast.And | ast.Or):
+    if len(line) <= PRINT_WIDTH or end is None or not end.joins or not isinstance(end.node, ast.And | ast.Or):
         return line
     symbol, looser = ("&", AND) if isinstance(end.node, ast.And) else ("|", OR)
     parts = [print_expr(part, looser + 1) for part in end.node.parts]
@@ -380,7 +376,6 @@ def print_module(module: ast.Module) -> str:
     return "".join(print_statement(statement) + "\n" for statement in module.statements)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Tokens and marks as lines of limited width, comments (which do not count) where they were put.
 #
 # After Oppen, Prettyprinting (TOPLAS 2(4), 1980): the widths of all groups are summed up first, then one pass decides
@@ -390,7 +385,7 @@ def print_module(module: ast.Module) -> str:
 _NEVER = 1 << 40  # columns, more than any text has
 
 
-DEEPEST = 60  # columns of indentation; what is nested deeper stands no further to the right
+MAX_INDENT = 60  # columns of indentation; what is nested deeper stands no further to the right
 
 
 def break_lines(items: Sequence[Item], comments: Mapping[int, Sequence[tuple[str, bool]]]) -> list[str]:
@@ -404,15 +399,15 @@ def break_lines(items: Sequence[Item], comments: Mapping[int, Sequence[tuple[str
     for index, item in enumerate(items):
         match item:
             case OpenGroup(fill):
-                groups.append((column + widths[index] > WIDTH, fill))
+                groups.append((column + widths[index] > PRINT_WIDTH, fill))
             case Close():
                 groups.pop()
             case Indent(by):
                 indent += by
             case Break(space):
                 broken, fill = groups[-1] if groups else (False, False)
-                if index in comments or (broken and not (fill and column + widths[index] <= WIDTH)):
-                    margin = " " * min(indent, DEEPEST)
+                if index in comments or (broken and not (fill and column + widths[index] <= PRINT_WIDTH)):
+                    margin = " " * min(indent, MAX_INDENT)
                     for number, (comment, behind) in enumerate(comments.get(index, ())):
                         if number == 0 and behind:
                             line.append(f"  {comment}")
@@ -458,7 +453,6 @@ def _widths(items: Sequence[Item], comments: Mapping[int, Sequence[tuple[str, bo
     return widths
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Canonical text that keeps comments and paragraphs (`scenegen fmt`, editors).
 #
 # A formula is laid out from the tree; comments are found by scanning the text. What ties the two together: apart from

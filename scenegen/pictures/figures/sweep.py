@@ -20,7 +20,7 @@ from scenegen.errors.requests import NO_SCENES
 from scenegen.geometry import NUMPY
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.checker import check_text
-from scenegen.lang.formula.core import REQUIRE, Atom, Core, Junction, gated, part_of, read_rows
+from scenegen.lang.formula.core import REQUIRE, Atom, Core, Junction, gate, part_of, read_rows
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
@@ -51,7 +51,7 @@ def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tu
     chosen = chosen_label(spec.labels, label)
     if scenes.header.counts:
         spec, scenes = _hardest_numbers(spec, scenes, chosen)
-    core = gated(spec.core)
+    core = gate(spec.core)
     start = _start(spec, rows_of(spec, scenes), chosen)
     here = float(np.min(score(core, list(start), NUMPY)[chosen]))
     reached = float(scenes.phi[chosen].max()) if chosen in scenes.phi else DONE
@@ -78,7 +78,7 @@ def _hardest_numbers(spec: CheckedSpec, scenes: SceneArrays, label: str) -> tupl
 
 def _start(spec: CheckedSpec, rows: Array, label: str) -> Array:
     """(3N, 1): a hard scene."""
-    core = gated(spec.core)
+    core = gate(spec.core)
     low, high = spec.workspace.box(len(core.objects))
     drawn = np.random.default_rng(0).uniform(low[:, None], high[:, None], size=(len(low), DRAWN))
     for index, pose in spec.fixed.items():
@@ -95,7 +95,7 @@ def _start(spec: CheckedSpec, rows: Array, label: str) -> Array:
 
 def _walk(spec: CheckedSpec, start: Array, label: str, targets: Array) -> list[Array]:
     """Scenes (3N, 1) at each target in turn, as far as they can be had."""
-    core = gated(spec.core)
+    core = gate(spec.core)
     core = part_of(core, [label, *(name for name in core.labels if name == REQUIRE)])
     low, high = np.full(len(core.labels), -np.inf), np.full(len(core.labels), np.inf)
     aim = np.zeros(len(core.labels))

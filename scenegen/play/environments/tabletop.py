@@ -18,7 +18,7 @@ from scenegen.errors import RequestError, quoted
 from scenegen.errors.learning import NO_UNMET_GOAL
 from scenegen.errors.requests import CHOICES_NOT_HERE, TIME_NOT_HERE, WRONG_VALUE
 from scenegen.lang.formula.core import Coord, part_of
-from scenegen.lang.spec import chosen
+from scenegen.lang.spec import chosen_options
 from scenegen.learn.model import Model
 from scenegen.play.environments.env import (
     Episodes,
@@ -157,7 +157,9 @@ def _refuse_surfaces(target: Goal) -> None:
     except RequestError:
         return  # there is no goal, or no start: the first reset says why
     spec = target.spec.drawn
-    good, begun = (np.stack([chosen(one, each.T) for one in spec.choices.values()], axis=1) for each in (met, starts))
+    good, begun = (
+        np.stack([chosen_options(one, each.T) for one in spec.choices.values()], axis=1) for each in (met, starts)
+    )
     together = set(map(tuple, good.tolist()))
     lost = float(np.mean([tuple(one) not in together for one in begun.tolist()]))
     if lost == 0.0 or len(met) < LOOK or len(together) > LOOK // 16:  # so many ways to stand are not all seen

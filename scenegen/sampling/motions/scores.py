@@ -27,8 +27,8 @@ from scenegen.lang.formula.core import (
     Moment,
     Window,
     children,
-    moved,
     part_of,
+    renumber,
 )
 from scenegen.lang.formula.interpret import (
     GapMinima,
@@ -318,7 +318,7 @@ def _below(timed: Timed, roots: tuple[int, ...]) -> tuple[tuple[TimeNode, ...], 
             if isinstance(node, Signal):
                 kept.append(node)
                 continue
-            again = moved(node, place)
+            again = renumber(node, place)
             assert isinstance(again, Junction | Window | BoundedUntil | Moment | Everywhere)
             kept.append(again)
     return tuple(kept), tuple(place[root] for root in roots)

@@ -31,10 +31,10 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     if len(candidates) > MOST_ALIKE:  # difflib is slow: of very many names compare those with the same beginning
         candidates = heapq.nlargest(MOST_ALIKE, candidates, key=lambda one: _alike(one, wanted))
     close = difflib.get_close_matches(wanted, candidates, n=1, cutoff=0.6)
-    return folded[close[0]] if close and _near(wanted, close[0]) else None
+    return folded[close[0]] if close and _is_near(wanted, close[0]) else None
 
 
-def _near(one: str, other: str) -> bool:
+def _is_near(one: str, other: str) -> bool:
     """Whether one of two words can be a typo of the other: `usd` is not one of `sdf`, although most letters are the
     same.
 
@@ -146,12 +146,12 @@ def _fill(template: str, facts: Mapping[str, object], spell: Spell, empty: bool 
         fact = facts[name]
         if fact is None or (missing(fact) and not empty):
             raise KeyError(name)
-        return _shown(fact, how or "", spell)
+        return _fact_text(fact, how or "", spell)
 
     return re.sub(_PART, part, template)
 
 
-def _shown(fact: Any, how: str, spell: Spell) -> str:
+def _fact_text(fact: Any, how: str, spell: Spell) -> str:
     if how == "?":
         return ""
     if how == "argument":
@@ -345,11 +345,11 @@ def _cut(text: str) -> str:
     """The text without the middle of names that would flood a terminal, and with an end; names in files may hold
     characters that steer a terminal, which are shown as dots."""
     text = "\n".join(map(_printable, text.splitlines()))
-    shorter = re.sub(r"`([^`\n]+)`", lambda found: f"`{_shortened(found[1])}`", text)
+    shorter = re.sub(r"`([^`\n]+)`", lambda found: f"`{_shorten(found[1])}`", text)
     return shorter if len(shorter) <= MAX_MESSAGE_LENGTH else shorter[:MAX_MESSAGE_LENGTH] + "..."
 
 
-def _shortened(name: str) -> str:
+def _shorten(name: str) -> str:
     half = (MAX_NAME_LENGTH - 3) // 2
     return name if len(name) <= MAX_NAME_LENGTH else f"{name[:half]}...{name[-half:]}"
 

@@ -17,7 +17,7 @@ from scenegen.errors.language import (
     WRONG_OVERRIDE,
 )
 from scenegen.geometry.primitives import ANGLE, BARE, LENGTH
-from scenegen.lang.check.draft import BeforeFormulas, Draft
+from scenegen.lang.check.draft import Draft, LoweringHook
 from scenegen.lang.check.expressions import FormulaLowering
 from scenegen.lang.check.families import always_the_same, family, is_category, refuse_surfaces
 from scenegen.lang.check.functions import find_remedy, horizon, movers
@@ -67,15 +67,15 @@ def check(source: Source, project: Project | None = None) -> CheckedSpec:
 def check_module(
     module: ast.Module,
     project: Project | None = None,
-    look: BeforeFormulas | None = None,
+    hook: LoweringHook | None = None,
     counts: Mapping[str, int] | None = None,
 ) -> CheckedSpec:
-    """Check what was parsed already. Raises SpecError as `check` does. `look` gets the lowering at work once all that
+    """Check what was parsed already. Raises SpecError as `check` does. `hook` gets the lowering at work once all that
     the spec declares is known; it may expand formulas of its own. `counts` are numbers of things that the spec draws;
     with those that it does not say the spec is a family, see `lang.check.families`."""
     given, project = counts or {}, project or Project()
-    draft = Draft(module, project, look, given)
-    spec, constant = _passed(draft), draft.constant
+    draft = Draft(module, project, hook, given)
+    spec, constant = _run_passes(draft), draft.constant
     if not spec.counts:
         never = [one for one in constant.values() if one.kind is IMPOSSIBLE_REQUIREMENT]
         if never:
@@ -84,7 +84,7 @@ def check_module(
 
     def member(numbers: dict[str, int]) -> CheckedSpec:
         draft = Draft(module, project, None, {**given, **numbers})
-        made = _passed(draft)
+        made = _run_passes(draft)
         for key in constant.keys() - draft.constant.keys():
             del constant[key]
         return made
@@ -95,7 +95,7 @@ def check_module(
     return spec
 
 
-def _passed(draft: Draft) -> CheckedSpec:
+def _run_passes(draft: Draft) -> CheckedSpec:
     try:
         for one in PASSES:
             one(draft)
@@ -273,7 +273,7 @@ def _bad_override(declared: Declared, value: Value, lowering: Lowering) -> list[
 
 
 def lower_formulas(draft: Draft) -> None:
-    """The core formulas of all labels, and of what is required; then of whatever `look` wants to know."""
+    """The core formulas of all labels, and of what is required; then of whatever `hook` wants to know."""
     if draft.problems:
         return
     scope = draft.scope
@@ -282,8 +282,8 @@ def lower_formulas(draft: Draft) -> None:
         draft.problems.append(NO_FREE_OBJECT(last.name.span(last.source)))
     draft.labels = _labels(draft)
     draft.requirement = _requirement(draft)
-    if draft.look is not None and not draft.problems:
-        draft.look(draft.lowering)
+    if draft.hook is not None and not draft.problems:
+        draft.hook(draft.lowering)
 
 
 def _labels(draft: Draft) -> dict[str, int]:

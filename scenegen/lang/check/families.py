@@ -230,7 +230,7 @@ def category_of(
     if "assets" in given:
         assets = _written(given["assets"], thing, outlined)
     else:
-        names = _named(path.value, path.span(thing.source), project)
+        names = _category_folders(path.value, path.span(thing.source), project)
         folder = path.value.replace("\\", "/").rpartition("/")[0]
         chosen = _some(names, most or len(names), seed)
         _refuse_many(len(chosen) ** count, here, thing)  # before any mesh is read
@@ -299,7 +299,7 @@ def _refuse_many(combinations: int, here: Span, thing: DeclaredObject) -> None:
         raise SpecError(TOO_MANY_COUNTS(here, combinations=shown, limit=MOST_COMBINATIONS, asset=thing.name.id))
 
 
-def _named(path: str, here: Span, project: Project) -> list[str]:
+def _category_folders(path: str, here: Span, project: Project) -> list[str]:
     from scenegen.things.indexed import categories
 
     where, name = index_of(path)

@@ -95,12 +95,12 @@ def not_open(lowering: Lowering, upper: int, carrier: int, surface: SupportSurfa
         return None
     shares = list(lowering.shapes[carrier].open or Cabinet().open)
     number = int(surface.name.partition("[")[2].rstrip("]")) - 1
-    least, above = _rounded(pull.least(need)), ""
+    least, above = _round_up(pull.least(need)), ""
     if least > 1.0:
         shares = [*shares[: number + 1], *(0.0 for _ in shares[number + 1 :])]
         alone = Cabinet(tuple(shares)).surfaces()[number + 1].pull
         assert alone is not None
-        least, above = _rounded(alone.least(need)), "close the drawers above it and "
+        least, above = _round_up(alone.least(need)), "close the drawers above it and "
     if not shares[number] < least <= 1.0 and not (above and least <= 1.0):
         return None
     shares[number] = max(least, shares[number])
@@ -118,7 +118,7 @@ def not_open(lowering: Lowering, upper: int, carrier: int, surface: SupportSurfa
     )
 
 
-def _rounded(share: float) -> float:
+def _round_up(share: float) -> float:
     """Up to the next hundredth, with some room."""
     return math.ceil(100.0 * share + SPARE_PERCENT) / 100.0
 
@@ -384,7 +384,7 @@ def _heading(lowering: Lowering, expr: ast.Expr, source: Source) -> float:
 def canonical(draft: Draft, counts: Mapping[str, int]) -> str:
     """The canonical text; `counts` are the numbers of things that are drawn no more."""
     statements = tuple(
-        ast.Objects(tuple(_resolved(draft, each, counts) for each in one.statement.declarations))
+        ast.Objects(tuple(_resolve_declaration(draft, each, counts) for each in one.statement.declarations))
         if isinstance(one.statement, ast.Objects)
         else one.statement
         for one in draft.placed
@@ -392,7 +392,7 @@ def canonical(draft: Draft, counts: Mapping[str, int]) -> str:
     return print_module(ast.Module(Source("", ""), statements, draft.module.bare))
 
 
-def _resolved(draft: Draft, one: ast.Declaration, counts: Mapping[str, int]) -> ast.Declaration:
+def _resolve_declaration(draft: Draft, one: ast.Declaration, counts: Mapping[str, int]) -> ast.Declaration:
     """The declaration with every file's outline written out, and every number that is drawn no more."""
     name, shape, count = one.name.id, one.shape, one.count
     if isinstance(count, ast.Range) and name in counts:

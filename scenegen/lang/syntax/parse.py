@@ -51,7 +51,7 @@ def serialize(text: str) -> str:
     from lark.lexer import TerminalDef
 
     data, memo = build(text).memo_serialize([TerminalDef, Rule])
-    data["parser"]["parser"] = _numbered(data["parser"]["parser"])
+    data["parser"]["parser"] = _renumber(data["parser"]["parser"])
     for entry in memo.values():
         if "_width" in entry.get("pattern", ()):
             entry["pattern"]["_width"] = [min(width, UNBOUNDED) for width in entry["pattern"]["_width"]]
@@ -59,7 +59,7 @@ def serialize(text: str) -> str:
     return json.dumps(tables, separators=(",", ":"), sort_keys=True, ensure_ascii=True) + "\n"
 
 
-def _numbered(table: dict[str, Any]) -> dict[str, Any]:
+def _renumber(table: dict[str, Any]) -> dict[str, Any]:
     """The parse table with tokens in alphabetical order and states as they are met from the start.
 
     Lark numbers both as sets happen to be ordered, which differs from run to run.

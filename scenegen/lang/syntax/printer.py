@@ -143,7 +143,7 @@ def _operation(
         yield CLOSE
 
 
-def _enclosed(
+def _enclose(
     opening: str, items: Iterable[Iterable[str | Mark | ExpressionPart]], closing: str, *, fill: bool = False
 ) -> Pieces:
     """Items separated by commas, between brackets."""
@@ -151,14 +151,14 @@ def _enclosed(
     filled = list(items)
     if filled:
         yield from (FILL if fill else OPEN, INWARD, EDGE)
-        yield from _listed(filled)
+        yield from _separate(filled)
         yield from (OUTWARD, EDGE)
     yield closing
     if filled:
         yield CLOSE
 
 
-def _listed(items: Iterable[Iterable[str | Mark | ExpressionPart]]) -> Pieces:
+def _separate(items: Iterable[Iterable[str | Mark | ExpressionPart]]) -> Pieces:
     for number, item in enumerate(items):
         if number:
             yield from (",", LINE)
@@ -184,12 +184,12 @@ def _pieces(part: ExpressionPart) -> Pieces:
         case ast.Truth(value):
             yield "true" if value else "false"
         case ast.Point(coordinates):
-            yield from _enclosed("(", ([ExpressionPart(one, 0)] for one in coordinates), ")")
+            yield from _enclose("(", ([ExpressionPart(one, 0)] for one in coordinates), ")")
         case ast.List(items):
-            yield from _enclosed("[", ([ExpressionPart(one, 0)] for one in items), "]", fill=True)
+            yield from _enclose("[", ([ExpressionPart(one, 0)] for one in items), "]", fill=True)
         case ast.Call(function, arguments):
             yield function.id
-            yield from _enclosed("(", map(_argument, arguments), ")")
+            yield from _enclose("(", map(_argument, arguments), ")")
         case ast.Argument():
             yield from _argument(node)
         case ast.Member(base, member):
@@ -259,7 +259,7 @@ def head(statement: ast.Statement) -> Pieces:
                 CLOSE,
             )
         case ast.Objects(declarations):
-            yield from ("object", SPACE, FILL, INWARD, *_listed(map(_declaration, declarations)), OUTWARD, CLOSE)
+            yield from ("object", SPACE, FILL, INWARD, *_separate(map(_declaration, declarations)), OUTWARD, CLOSE)
         case ast.Region(name, _, count):
             yield from (
                 "region",
@@ -272,7 +272,7 @@ def head(statement: ast.Statement) -> Pieces:
         case ast.Constant(name):
             yield from ("const", SPACE, name.id, SPACE, "=")
         case ast.Definition(name, parameters):
-            yield from ("def", SPACE, name.id, *_enclosed("(", map(_parameter, parameters), ")"), SPACE, "=")
+            yield from ("def", SPACE, name.id, *_enclose("(", map(_parameter, parameters), ")"), SPACE, "=")
         case ast.Require():
             yield "require"
         case ast.Import(path):
@@ -308,7 +308,7 @@ def statement_pieces(statement: ast.Statement) -> Pieces:
         yield from (OPEN, INWARD, LINE, end, OUTWARD, CLOSE)
     if isinstance(statement, ast.Region) and statement.levels:
         heights = ([ExpressionPart(one, SUM)] for one in statement.levels)
-        yield from (SPACE, "at", SPACE, FILL, INWARD, *_listed(heights), OUTWARD, CLOSE)
+        yield from (SPACE, "at", SPACE, FILL, INWARD, *_separate(heights), OUTWARD, CLOSE)
 
 
 def _interval(interval: ast.Interval) -> Pieces:

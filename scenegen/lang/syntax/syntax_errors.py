@@ -160,7 +160,7 @@ def explain(source: Source, error: UnexpectedToken | UnexpectedCharacters, timed
         return _at_end(source, set(error.accepts or error.expected or ()))
     return (
         explain_time(source, start, end, accepts, timed)
-        or _unfinished(source, start, end, accepts)
+        or _unfinished_statement(source, start, end, accepts)
         or explain_foreign_syntax(source, start, end, len(open_brackets(text, start)[0]), accepts)
         or _foreign(source, start)
         or bracket(source, start)
@@ -361,7 +361,7 @@ def _statement(source: Source, start: int, end: int, accepts: set[str]) -> Diagn
     return UNNAMED_FORMULA(Span(source, start, end), word=word)
 
 
-def _unfinished(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
+def _unfinished_statement(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
     """A statement that opens a line while the one before it still waits for something."""
     text, word = source.text, source.text[start:end]
     opened = start

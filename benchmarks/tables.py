@@ -35,7 +35,7 @@ import scenegen
 from scenegen.geometry import NUMPY
 from scenegen.geometry.clearance import gap, room
 from scenegen.geometry.footprint import Box, Footprint
-from scenegen.lang.formula.core import gated
+from scenegen.lang.formula.core import gate
 from scenegen.lang.formula.interpret import phi
 from scenegen.sampling.growth.packing import area
 
@@ -143,7 +143,7 @@ def placer(row: Row, spec: scenegen.Spec) -> str:
         poses = _place_all(row, shapes, dict(checked.fixed), rng)
         if poses is not None:
             made += 1
-            values = phi(gated(spec.checked.core), list(poses.reshape(-1, 1)), NUMPY).values()
+            values = phi(gate(spec.checked.core), list(poses.reshape(-1, 1)), NUMPY).values()
             assert min(map(np.min, values)) >= -1e-9, f"the plain placer is wrong: {row.name}"
     spent = time.process_time() - begun
     return f"{1000.0 * spent / made:.1f}" if made else f"none in {spent:.0f} s"

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from scenegen.lang.check.names import FILES
+from scenegen.lang.check.names import FILE_SHAPES
 from scenegen.lang.check.regions import SIGNATURES
 from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, groups, prelude, signatures
 from scenegen.lang.syntax import ast
@@ -100,7 +100,7 @@ def page() -> str:
     for title, file, first in SECTIONS:
         out += [f"\n## {title}\n", *table(file, first)]
     out += [f"- `{signatures()[name].usage}`: {meaning}" for name, meaning in {**HEIGHTS, **LIST_FUNCTIONS}.items()]
-    shapes = ", ".join(f"`{one.usage}`" for name, one in SIGNATURES.items() if name not in (*FILES, "category"))
+    shapes = ", ".join(f"`{one.usage}`" for name, one in SIGNATURES.items() if name not in (*FILE_SHAPES, "category"))
     out.append(
         f"\n## Shapes, and surfaces to stand on\n\nOf objects (`= SHAPE`) and of regions (the last three): {shapes}."
     )

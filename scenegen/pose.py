@@ -91,6 +91,19 @@ def is_angle(row: int) -> bool:
     return row % SIZE in ANGLES
 
 
+def wrap_heading(namespace: Any, theta: Any) -> Any:
+    """Headings in [0, 2 pi), an array of `namespace`, which is numpy or torch; the remainder of -1e-17 is rounded up to
+    2 pi, and counts as 0."""
+    rest = namespace.remainder(theta, TWO_PI)
+    return namespace.where(rest >= TWO_PI, 0.0, rest)
+
+
+def keep_below_turn(rows: npt.NDArray[Any]) -> None:
+    """In (3N, B) storage, headings that rounding brought to 2 pi become the largest below, in place."""
+    for axis in ANGLES:
+        rows[along(axis)].clip(None, BELOW_TURN, out=rows[along(axis)])
+
+
 def as_poses(rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Storage (3N, B) as poses (B, N, 3), or the rows of one scene (3N,) as (N, 3); a view where numpy can make one."""
     return rows.T.reshape(*rows.shape[1:], len(rows) // SIZE, SIZE)

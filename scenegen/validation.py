@@ -15,9 +15,6 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
 
-# --------------------------------------------------------------------------------------------------------------------
-# Options: the fields of a request say themselves how they are given, and what they can be.
-
 
 @dataclass(frozen=True, slots=True)
 class Option:
@@ -70,10 +67,6 @@ def by_name(name: str, value: object, wanted: str) -> Mapping[str, Any]:
     if not isinstance(value, Mapping):
         raise RequestError(WRONG_VALUE(argument=name, value=repr(value), wanted=wanted))
     return value
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Values of one kind.
 
 
 def as_int(name: str, value: object) -> int:

@@ -24,7 +24,7 @@ from experiments.unseen.queries import PATIENCE, SCENES, Array, Query, queries, 
 from experiments.unseen.specs import REPORT, TUNE, spec_text
 from scenegen.api.spec import Spec, load, parse
 from scenegen.errors import RequestError, ScenegenError
-from scenegen.lang.formula.core import REQUIRE, gated
+from scenegen.lang.formula.core import REQUIRE, gate
 from scenegen.learn.any import AnyModel
 from scenegen.learn.evaluation.card import level
 from scenegen.learn.robustness import Robustness
@@ -112,7 +112,7 @@ def proposals(model: AnyModel, query: Query, phi: Array) -> tuple[float, float]:
     began = time.process_time()
     rows = model.trained.network.propose(wanted, torch.Generator().manual_seed(SEED))
     cost = (time.process_time() - began) / rows.shape[1]
-    core = gated(model.spec.checked.core)
+    core = gate(model.spec.checked.core)
     found = dict(zip(core.labels, Robustness(core).rows(rows), strict=True))
     inside = torch.ones(rows.shape[1], dtype=torch.bool) if REQUIRE not in found else found[REQUIRE] >= 0.0
     for label, ends in query.ranges.items():

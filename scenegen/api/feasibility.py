@@ -20,9 +20,9 @@ from scenegen.errors.declarations import (
 )
 from scenegen.errors.requests import TABLE_TOO_FULL
 from scenegen.geometry import NUMPY
-from scenegen.lang.formula.core import REQUIRE, Atom, Const, Core, atoms_below, gated, part_of
+from scenegen.lang.formula.core import REQUIRE, Atom, Const, Core, atoms_below, gate, part_of
 from scenegen.lang.formula.interpret import phi
-from scenegen.lang.spec import CheckedSpec, combinations, written
+from scenegen.lang.spec import CheckedSpec, combinations, numbers_text
 from scenegen.search import node_bounds, spec_bounds
 from scenegen.search.effort import Effort, StoppedError
 
@@ -83,7 +83,7 @@ def doubts(spec: CheckedSpec, effort: Effort | None = None) -> list[UnsatisfiedL
 def _search(spec: CheckedSpec, left: list[str], effort: Effort) -> Iterator[UnsatisfiedLabel]:
     """What `doubts` finds. `left` are the labels of which nothing is known yet: it gets shorter. Raises what `effort`
     raises."""
-    core, box, bounds = gated(spec.core), spec.box(), spec_bounds(spec)
+    core, box, bounds = gate(spec.core), spec.box(), spec_bounds(spec)
     required = (REQUIRE,) if REQUIRE in core.labels else ()
     left[:] = _not_at_once(core, box, effort)
     if not left:
@@ -159,7 +159,7 @@ def idle(spec: CheckedSpec, effort: Effort | None = None) -> list[Diagnostic]:
 
 
 def _idle(spec: CheckedSpec, effort: Effort) -> dict[tuple[str, Span], Diagnostic]:
-    core = gated(spec.core)
+    core = gate(spec.core)
     if len(core.nodes) > MAX_IDLE_NODES:
         return {}
     with np.errstate(over="ignore", invalid="ignore"):
@@ -241,7 +241,7 @@ def _of_members(spec: CheckedSpec, effort: Effort) -> list[UnsatisfiedLabel]:
     found: dict[str, list[tuple[str, UnsatisfiedLabel]]] = {}
     for numbers, member in zip(combinations(spec.counts), spec.members, strict=True):
         for one in doubts(member, effort):
-            found.setdefault(one.label, []).append((written(numbers), one))
+            found.setdefault(one.label, []).append((numbers_text(numbers), one))
     told = []
     for label, each in found.items():
         with_problem = [(name, one) for name, one in each if one.problem is not None]

@@ -12,7 +12,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import UNKNOWN_LABEL
 from scenegen.geometry.interval import Interval
 from scenegen.lang.formula.builder import describe, number_text
-from scenegen.lang.formula.core import REQUIRE, Apply, Atom, Const, Coord, Core, Junction, gated
+from scenegen.lang.formula.core import REQUIRE, Apply, Atom, Const, Coord, Core, Junction, gate
 from scenegen.lang.formula.interpret import deciding_atom
 from scenegen.lang.spec import CheckedSpec
 from scenegen.search import node_bounds
@@ -45,7 +45,7 @@ class Outline:
     """The formulas of a spec, line by line. `labels` are its labels, and `require` where it requires something."""
 
     def __init__(self, spec: SpecHolder) -> None:
-        self._core: Core = gated(spec.checked.core)
+        self._core: Core = gate(spec.checked.core)
         self._bounds: Sequence[Interval] = node_bounds(self._core, *spec.checked.box())
         self._choices = {one.switch: (which, one) for which, one in spec.checked.choices.items()}
         self.labels = tuple(self._core.labels)

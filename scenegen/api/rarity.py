@@ -24,7 +24,7 @@ from scenegen.errors.requests import (
     REQUIREMENT_NOT_FOUND,
     UNKNOWN_LABEL,
 )
-from scenegen.lang.spec import written
+from scenegen.lang.spec import numbers_text
 from scenegen.sampling.rarity import (
     RARITY_VISITS,
     PhiDistribution,
@@ -166,7 +166,7 @@ def _of_numbers(spec: Spec, labels: Sequence[str], seed: int, left_out: list[Dia
             found.append(_measure(member, labels, member.bounds(), seed, budget, share))
         except RequestError as error:
             first = error.diagnostics[0]
-            left_out.append(NUMBER_LEFT_OUT(counted=written(numbers), why=first.title))
+            left_out.append(NUMBER_LEFT_OUT(counted=numbers_text(numbers), why=first.title))
             if len(left_out) == len(spec.definition.members):
                 raise
     if any(len(one.reaches) < len(labels) for one in found):

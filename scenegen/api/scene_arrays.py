@@ -15,8 +15,8 @@ import numpy.typing as npt
 from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import OUT_OF_PLACE, UNKNOWN_CHOICE
-from scenegen.geometry.workspace import turned
-from scenegen.lang.spec import CheckedSpec, chosen
+from scenegen.geometry.workspace import wrap_headings
+from scenegen.lang.spec import CheckedSpec, chosen_options
 from scenegen.needs import need
 from scenegen.pose import SIZE, THETA, X, Y, as_rows, row_count, row_of
 from scenegen.scenes.arrange import check_held, order_of, refuse_numbers, reorder, with_switches
@@ -297,7 +297,7 @@ def rows_of(spec: CheckedSpec, scenes: SceneArrays) -> Array:
     """
     refuse_numbers(scenes.header, "this")
     stored = as_rows(scenes.poses)
-    rows = turned(reorder(stored, order_of(spec, scenes.objects)))
+    rows = wrap_headings(reorder(stored, order_of(spec, scenes.objects)))
     check_held(spec, rows)
     return with_switches(spec, scenes.header, rows, scenes.on)
 
@@ -308,7 +308,7 @@ def stored_rows(spec: CheckedSpec, rows: Array) -> Array:
         return rows
     count = row_count(len(spec.objects))
     on = [
-        np.where(np.isnan(rows[row_of(one.switch, X)]), np.nan, chosen(one, rows) + 1.0)
+        np.where(np.isnan(rows[row_of(one.switch, X)]), np.nan, chosen_options(one, rows) + 1.0)
         for one in spec.choices.values()
     ]
     return np.concatenate([rows[:count], on])

@@ -19,8 +19,8 @@ from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.files import PHI_DIFFERS
 from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, NOT_INSTALLED, WRONG_VALUE
 from scenegen.geometry import NUMPY, Circle
-from scenegen.geometry.workspace import turned
-from scenegen.lang.formula.core import REQUIRE, Atom, gated
+from scenegen.geometry.workspace import wrap_headings
+from scenegen.lang.formula.core import REQUIRE, Atom, gate
 from scenegen.lang.formula.interpret import deciding_atom
 from scenegen.lang.formula.interpret import evaluate as interpret
 from scenegen.lang.formula.interpret import phi as score
@@ -335,7 +335,7 @@ def from_file(file: SceneFile) -> SceneSet:
 
 def scene_set(header: SceneFile, labels: tuple[str, ...], scenes: Block) -> SceneSet:
     placed = scenes.rows[: row_count(len(header.objects))]
-    poses = np.ascontiguousarray(as_poses(turned(placed)))
+    poses = np.ascontiguousarray(as_poses(wrap_headings(placed)))
     on = np.ascontiguousarray(scenes.rows[len(placed) :].T) if header.choosers else None
     return SceneSet(poses, dict(zip(labels, scenes.phi, strict=True)), header, on=on, trusted=True)
 
@@ -371,7 +371,7 @@ def requirement(spec: CheckedSpec, scenes: SceneSet) -> Array | None:
     margin = np.full(len(scenes), np.inf)
     for part in parts_of(spec, scenes):
         if part.spec.core.requirement is not None:
-            margin[part.which] = score(gated(part.spec.core), list(part.rows), NUMPY)[REQUIRE]
+            margin[part.which] = score(gate(part.spec.core), list(part.rows), NUMPY)[REQUIRE]
     return margin
 
 

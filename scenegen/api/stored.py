@@ -12,7 +12,7 @@ from scenegen.arrays import Array
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import NOT_A_SET
 from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.geometry.workspace import turned
+from scenegen.geometry.workspace import wrap_headings
 from scenegen.needs import need
 from scenegen.pose import as_poses, row_count
 from scenegen.scenes.blocks import Block, join_blocks
@@ -121,7 +121,7 @@ class StoredSet:
 
     def poses(self, block: Block) -> Array:
         """(m, N, 3), headings between -pi and pi."""
-        return as_poses(turned(block.rows[: row_count(len(self.objects))]))
+        return as_poses(wrap_headings(block.rows[: row_count(len(self.objects))]))
 
 
 def open_set(location: str | Path) -> StoredSet:

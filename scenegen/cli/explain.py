@@ -36,8 +36,7 @@ def explain(
       scenegen explain closeTo
       scenegen explain not-here
 
-    Without a code, all codes and pages are listed. Codes stay the same from version to version, or
-    are explained by the code that took their place; texts may change. Facts
+    Without a code, all codes and pages are listed. Codes stay the same from version to version; texts may change. Facts
     are what `check --json`, editors and Python have as data. A relation or function is shown as by `scenegen
     relations`; a page of the documentation is printed whole; a word of another language gets what to write for it here.
     """
@@ -57,8 +56,6 @@ def explain(
         typer.echo(f"Pages:\n  {', '.join(PAGES)}")
         return
     code = code.strip("[]")
-    former = {old: one.kind.code for one in entries.values() for old in one.kind.formerly}
-    code = former.get(code, code)
     if code in entries:
         typer.echo("\n".join(lines(entries[code])))
     elif code in PAGES:

@@ -165,7 +165,7 @@ def trainings(
     """The jobs of a spec, by their names: one model, FOLDER/NAME.safetensors; or, where the spec draws how many things
     there are, a model for each combination of numbers, in FOLDER/NAME/."""
     from scenegen.api.spec import load
-    from scenegen.lang.spec import written
+    from scenegen.lang.spec import numbers_text
     from scenegen.learn.model import family_files
 
     one: Task = (source, folder / f"{name}.safetensors", {})
@@ -176,7 +176,7 @@ def trainings(
     if not spec.counts:
         return [(name, one)]
     return [
-        (f"{name} with {written(numbers)}", (source, file, {key: int(number) for key, number in numbers.items()}))
+        (f"{name} with {numbers_text(numbers)}", (source, file, {key: int(number) for key, number in numbers.items()}))
         for numbers, _, file in family_files(spec, folder / name)
     ]
 

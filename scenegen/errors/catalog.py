@@ -23,7 +23,7 @@ GROUPS = {
     "learning": "Training, models, metrics, environments and curricula",
     "program": "The program, the page and the machine",
 }
-FOLDER = Path(__file__).parent / "explanations"
+EXPLANATIONS = Path(__file__).parent / "explanations"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ def catalog() -> dict[str, CatalogEntry]:
     """All entries by code, group by group."""
     entries = {}
     for group in GROUPS:
-        said = tomllib.loads((FOLDER / f"{group}.toml").read_text(encoding="utf-8"))
+        said = tomllib.loads((EXPLANATIONS / f"{group}.toml").read_text(encoding="utf-8"))
         for kind in kinds(group):
             entries[kind.code] = CatalogEntry(
                 kind, group, **{name: text.strip("\n") for name, text in said[kind.code].items()}

@@ -24,7 +24,6 @@ UNKNOWN_ASSET = Kind(
         '{path:?}write category = "{name}" below the assets that have it',
         "the library has {known:list}",
     ),
-    formerly=("unknown-indexed-asset", "unknown-asset-category"),
 )
 STANDS_IN = Kind(
     "stands-in",
@@ -46,7 +45,6 @@ NOT_A_SHAPE = Kind(
         "write the name of an asset, or {usages}",
         "write rect(left, bottom, right, top), circle((x, y), radius) or polygon([(x, y), ...])",
     ),
-    formerly=("not-an-outline", "not-a-region"),
 )
 FILE_WITHOUT_QUOTES = Kind("file-without-quotes", "{what} is named in double quotes", help="write {usage}")
 UNLIKELY_SHAPE = Kind(
@@ -67,7 +65,6 @@ UNUSABLE_SHAPE_FILE = Kind(
     "unusable-shape-file",
     ("`{name}` would measure {size:.3g} m", "{path} cannot be used: {reason}"),
     help=("{hint}", "`scale` in the index is how many metres a unit of its file is{size:?}"),
-    formerly=("asset-size",),
 )
 ASSET_INDEX = Kind(
     "asset-index",
@@ -77,7 +74,6 @@ ASSET_INDEX = Kind(
         "`scenegen explain assets` shows what an index has{reason:?}",
         '`scenegen explain assets` shows how to write one; of an index in a folder write asset("folder/{name}")',
     ),
-    formerly=("no-asset-index", "bad-asset-index"),
 )
 SIZE_OUT_OF_RANGE = Kind(
     "size-out-of-range",
@@ -91,7 +87,6 @@ SIZE_OUT_OF_RANGE = Kind(
         "heights lie between 0 and {most:,.0f} m",
         "the limit is {limit:,.0f} m",
     ),
-    formerly=("too-far-out", "level-out-of-range"),
 )
 WRONG_CORNERS = Kind(
     "wrong-corners",
@@ -106,7 +101,6 @@ WRONG_CORNERS = Kind(
         "{list:?}put the corners in a list: polygon([(0, 0), (1, 0), (0, 1)])",
         "split it into convex parts, each a region of its own: inside(a, left) | inside(a, right)",
     ),
-    formerly=("too-few-corners", "not-convex", "corners-not-a-list"),
 )
 FLAT_RECTANGLE = Kind(
     "flat-rectangle",
@@ -119,7 +113,6 @@ EMPTY_INTERVAL = Kind(
     ("{narrow:?}this interval of {axis} is too narrow", "this interval of {axis} is empty"),
     ("{narrow:?}numbers of a computer are too coarse for it", "the first end must be smaller"),
     ("write {swapped}", "give it some width"),
-    formerly=("narrow-interval",),
 )
 WORKSPACE_OF_ITSELF = Kind("workspace-of-itself", "the workspace cannot be measured by itself")
 MEASURED_TOO_EARLY = Kind(
@@ -141,7 +134,6 @@ WRONG_NUMBER_OF_PLACES = Kind(
         "write a list of {count} points: at [(0.2, 0.5), ...]",
         "write at (0.5, 0.5)",
     ),
-    formerly=("one-object-many-places", "support-count"),
 )
 NO_FREE_OBJECT = Kind(
     "no-free-object",
@@ -157,7 +149,6 @@ CONSTANT_LABEL = Kind(
     ("{name:?}its value is the same in every scene", "no free object takes part"),
     ("{name:?}say something about the objects, for instance: leftOf(mug, plate)", "leave it out"),
     "[[held in place by `at`: {held:list}]]",
-    formerly=("constant-requirement",),
 )
 IMPOSSIBLE_REQUIREMENT = Kind(
     "impossible-requirement", "this can never hold", "no scene meets it", ("{meant}", "remove it")
@@ -236,7 +227,6 @@ NEVER_SATISFIED = Kind(
         "change one of its parts",
     ),
     severity="warning",
-    formerly=("no-motion-satisfies",),
 )
 HEADING_COMPARED = Kind(
     "heading-compared",
@@ -252,7 +242,6 @@ SPEC_TOO_LARGE = Kind(
         "{limit:?}use fewer objects, or fewer quantifiers inside each other",
         "use fewer objects, or smaller definitions and quantifiers",
     ),
-    formerly=("too-many-rounds",),
 )
 
 # imports
@@ -269,7 +258,6 @@ CANNOT_READ_IMPORT = Kind(
         "{reason:?}the path is relative to this file",
         "name {what}",
     ),
-    formerly=("cannot-find-import", "import-not-a-file"),
 )
 OUTSIDE_FOLDER = Kind(
     "outside-folder",
@@ -313,7 +301,6 @@ DOES_NOT_FIT = Kind(
         "write `{name} on {carrier}`: it stands on the rim",
         "use a larger one",
     ),
-    formerly=("surface-too-small", "not-on-rim", "too-tall-for-surface"),
 )
 WRONG_DRAWERS = Kind(
     "wrong-drawers",
@@ -328,7 +315,6 @@ WRONG_DRAWERS = Kind(
         "{share:?}write open = 0.6 for 60 %",
         "{shares:?}give each drawer its share, the lowest first: open = [0, 0, 0.6]",
     ),
-    formerly=("drawer-count", "drawer-share", "drawer-shares"),
 )
 DRAWER_NOT_OPEN = Kind(
     "drawer-not-open",
@@ -347,7 +333,6 @@ OUTSIDE_WORKSPACE = Kind(
     ("`{name}` stands outside of the workspace", "this place is outside the workspace"),
     "the workspace is {workspace}",
     ("{name:?}move the region that it stands on", "move it, or widen the workspace"),
-    formerly=("surface-outside", "place-outside-workspace"),
 )
 STACKED_AND_APART = Kind(
     "stacked-and-apart",
@@ -375,7 +360,6 @@ WRONG_CHOICE = Kind(
         "{nested:?}name all surfaces in one list: on any of [a, b, c]",
         "name the surfaces: on any of [a, b]",
     ),
-    formerly=("choice-not-a-list", "empty-choice", "nested-choice", "surface-twice"),
 )
 TOO_MANY_CASES = Kind(
     "too-many-cases",
@@ -394,7 +378,6 @@ LEVEL_COUNT = Kind(
         "write {name}[{levels}]",
         "give each level its height: region {name}[2] = ... at 30 cm, 60 cm",
     ),
-    formerly=("count-of-levels",),
 )
 LEVELS_INTERSECT = Kind(
     "levels-intersect",
@@ -402,10 +385,6 @@ LEVELS_INTERSECT = Kind(
     "their heights differ by {apart:.3g} cm, and a board is {board:.3g} cm thick",
     "move one of them up, or aside",
 )
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Problems with random numbers of things: `object block[3..8]`.
 
 
 # in specs
@@ -475,7 +454,6 @@ WRONG_COUNT = Kind(
         "it draws the numbers of {known:list}",
         "it draws no number of things",
     ),
-    formerly=("count-out-of-range", "unknown-pick", "unknown-count"),
 )
 NUMBER_LEFT_OUT = Kind(
     "number-left-out",

@@ -11,10 +11,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias
 
-# --------------------------------------------------------------------------------------------------------------------
-# Lists of names in a sentence, and suggestions for misspelt names.
-
-
 MOST_ALIKE = 500  # maximum number of known names with which a misspelt one is compared
 
 
@@ -35,10 +31,10 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     if len(candidates) > MOST_ALIKE:  # difflib is slow: of very many names compare those with the same beginning
         candidates = heapq.nlargest(MOST_ALIKE, candidates, key=lambda one: _alike(one, wanted))
     close = difflib.get_close_matches(wanted, candidates, n=1, cutoff=0.6)
-    return folded[close[0]] if close and _near(wanted, close[0]) else None
+    return folded[close[0]] if close and _is_near(wanted, close[0]) else None
 
 
-def _near(one: str, other: str) -> bool:
+def _is_near(one: str, other: str) -> bool:
     """Whether one of two words can be a typo of the other: `usd` is not one of `sdf`, although most letters are the
     same.
 
@@ -66,7 +62,6 @@ def _alike(one: str, other: str) -> tuple[int, int]:
     return common, -abs(len(one) - len(other))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Templates of prose: the one place that turns the facts of a diagnostic into sentences.
 #
 #     {name}, {count:,}      a fact, formatted as by str.format
@@ -151,12 +146,12 @@ def _fill(template: str, facts: Mapping[str, object], spell: Spell, empty: bool 
         fact = facts[name]
         if fact is None or (missing(fact) and not empty):
             raise KeyError(name)
-        return _shown(fact, how or "", spell)
+        return _fact_text(fact, how or "", spell)
 
     return re.sub(_PART, part, template)
 
 
-def _shown(fact: Any, how: str, spell: Spell) -> str:
+def _fact_text(fact: Any, how: str, spell: Spell) -> str:
     if how == "?":
         return ""
     if how == "argument":
@@ -171,10 +166,6 @@ def _shown(fact: Any, how: str, spell: Spell) -> str:
             return ", ".join(shown) + (", ..." if more else "")
         return ", ".join(f"`{one}`" for one in shown) + ", ..." if more else quoted(shown)
     return format(fact, how) if how else str(fact)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Texts that diagnostics point into, and places in them.
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,7 +228,7 @@ class Kind:
 
     Calling a kind makes a problem of it: `UNKNOWN_FORMAT(name="xml", known=FORMATS)`, with a place as the only
     positional argument. Where the facts have a `name` and what is `known`, `nearest` is the known name that it
-    may stand for. `formerly` are codes of kinds that it took the place of: `scenegen explain` knows them.
+    may stand for.
     """
 
     code: str
@@ -246,7 +237,6 @@ class Kind:
     help: Text = ""
     note: Text = EXPANSION
     severity: Severity = "error"
-    formerly: tuple[str, ...] = ()
 
     def __call__(self, span: Span | None = None, /, **facts: Any) -> Diagnostic:
         if "known" in facts and "name" in facts:
@@ -299,10 +289,6 @@ class Diagnostic:
         return replace(self, facts={**self.facts, **facts})
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The facts of a diagnostic as data: which a kind has, and their values for JSON.
-
-
 def names(kind: Kind) -> list[str]:
     """The facts that the texts of a kind can show, sorted; those of an expansion, which any kind can have, left out."""
     texts = [
@@ -331,14 +317,10 @@ def _plain(fact: Any) -> Any:
     return _plain(fact.item()) if hasattr(fact, "item") and getattr(fact, "ndim", 1) == 0 else str(fact)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Diagnostics as text, for terminals, pipes and notebooks alike, and as data for editors and scripts.
-
-
 TAB = 4  # columns a tab takes in a printed source line
 WIDTH = 100  # columns of a source line that are shown around the caret
-LONGEST_NAME = 80  # characters of a `quoted` name; the middle of a longer one is left out
-LONGEST = 1000  # characters of a title, label, note or help
+MAX_NAME_LENGTH = 80  # characters of a `quoted` name; the middle of a longer one is left out
+MAX_MESSAGE_LENGTH = 1000  # characters of a title, label, note or help
 
 _STYLES = {
     "error": "\x1b[1;31m",
@@ -363,13 +345,13 @@ def _cut(text: str) -> str:
     """The text without the middle of names that would flood a terminal, and with an end; names in files may hold
     characters that steer a terminal, which are shown as dots."""
     text = "\n".join(map(_printable, text.splitlines()))
-    shorter = re.sub(r"`([^`\n]+)`", lambda found: f"`{_shortened(found[1])}`", text)
-    return shorter if len(shorter) <= LONGEST else shorter[:LONGEST] + "..."
+    shorter = re.sub(r"`([^`\n]+)`", lambda found: f"`{_shorten(found[1])}`", text)
+    return shorter if len(shorter) <= MAX_MESSAGE_LENGTH else shorter[:MAX_MESSAGE_LENGTH] + "..."
 
 
-def _shortened(name: str) -> str:
-    half = (LONGEST_NAME - 3) // 2
-    return name if len(name) <= LONGEST_NAME else f"{name[:half]}...{name[-half:]}"
+def _shorten(name: str) -> str:
+    half = (MAX_NAME_LENGTH - 3) // 2
+    return name if len(name) <= MAX_NAME_LENGTH else f"{name[:half]}...{name[-half:]}"
 
 
 def _window(line: str, column: int) -> tuple[str, int]:
@@ -456,10 +438,6 @@ def to_json(diagnostic: Diagnostic, spell: Spell = python_name) -> dict[str, Any
             for name, offset in (("start", span.start), ("end", max(span.start, span.end)))
         }
     return found
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Exceptions for problems that the user can fix.
 
 
 class ScenegenError(Exception):

@@ -11,7 +11,6 @@ CANNOT_READ = Kind(
     "cannot-read",
     ("cannot read {file} in {location}: {reason}", "cannot read {path}: {reason}"),
     help="{remedy}",
-    formerly=("cannot-read-store", "not-a-folder"),
 )
 TOO_LARGE_TO_READ = Kind(
     "too-large-to-read",
@@ -20,7 +19,6 @@ TOO_LARGE_TO_READ = Kind(
         "cannot read {path}: {size:,} bytes are too many",
     ),
     help=("{unit:?}{remedy}", "the limit is {limit:,}[[; {remedy}]]"),
-    formerly=("large-row-group",),
 )
 BAD_LOOKS = Kind(
     "bad-looks",
@@ -39,7 +37,6 @@ SPEC_NOT_FOUND = Kind(
         "{remedy}; `scenegen specs` lists those that ship with scenegen",
         "`scenegen specs` lists them",
     ),
-    formerly=("unknown-shipped-spec",),
 )
 CANNOT_WRITE = Kind(
     "cannot-write",
@@ -54,14 +51,6 @@ CANNOT_WRITE = Kind(
         "{location:?}{remedy}; what is complete stays there, and <resume> goes on",
         "{remedy}",
         "name a file with <out>",
-    ),
-    formerly=(
-        "cannot-write-store",
-        "cannot-write-output",
-        "overwrites-input",
-        "file-and-folder",
-        "file-exists",
-        "file-for-folder",
     ),
 )
 
@@ -78,7 +67,6 @@ UNKNOWN_ENDING = Kind(
         NEAREST,
         "use {known:list}",
     ),
-    formerly=("unknown-motion-ending",),
 )
 WRONG_ENDING = Kind(
     "wrong-ending",
@@ -102,13 +90,11 @@ NOT_SCENES = Kind(
         "this scenegen reads version {version}",
         _SAMPLE,
     ),
-    formerly=("scenes-version",),
 )
 DAMAGED_SCENES = Kind(
     "damaged-scenes",
     "{file} is damaged[[ at `{place}`]]: {reason}[[ ({more} more problems)]]",
     help=("{place:?}counting starts at 1", _SAMPLE),
-    formerly=("object-twice",),
 )
 OTHER_OBJECTS = Kind(
     "other-objects",
@@ -118,7 +104,6 @@ OTHER_OBJECTS = Kind(
         "{scene} does not place the objects of its spec",
     ),
     help="every scene places {wanted:quoted}",
-    formerly=("missing-pose",),
 )
 OTHER_SURFACE = Kind(
     "other-surface",
@@ -142,7 +127,6 @@ BAD_LINE = Kind(
     "bad-line",
     ("{line} is longer than {limit:,} bytes", "{line} is empty"),
     help="every line after the first is a scene",
-    formerly=("long-line", "empty-line"),
 )
 DAMAGED_PARQUET = Kind("damaged-parquet", "{path} is damaged, or no Parquet file", help=_SAMPLE, note="{reason}")
 WRONG_COLUMNS = Kind(
@@ -153,7 +137,6 @@ WRONG_COLUMNS = Kind(
         "{path} has no column `{name}`",
     ),
     help=("it needs {wanted:quoted}, and phi of each label; what else it has is not read", _SAMPLE),
-    formerly=("column-type",),
 )
 COLUMN_NOT_A_NUMBER = Kind(
     "column-not-a-number",
@@ -205,7 +188,6 @@ NO_WORLD = Kind(
         "rename it in the spec{reason:?}",
         "give it a wider outline",
     ),
-    formerly=("off-the-table", "name-in-xml", "no-volume"),
 )
 TOO_LARGE_TO_WRITE = Kind(
     "too-large-to-write",
@@ -217,7 +199,6 @@ TOO_LARGE_TO_WRITE = Kind(
         "{most:?}name a folder, which gets a file for each scene",
         "write .jsonl or .parquet, of which readers need a part at a time",
     ),
-    formerly=("json-too-large", "world-too-large"),
 )
 SIZE_IN_FILE = Kind(
     "size-in-file",
@@ -234,7 +215,6 @@ UNUSABLE_MODEL = Kind(
         "`<meshes>` is the folder that the spec was in; without it the body is a prism over the outline{body:?}",
         "`<meshes>` is the folder that the spec was in; without it the outline is drawn",
     ),
-    formerly=("unusable-body",),
 )
 NO_MODEL = Kind(
     "no-model",
@@ -259,7 +239,6 @@ SCENE_NOT_ALLOWED = Kind(
     "scene-not-allowed",
     ("`{name}` is outside of the workspace in scene {scene}", "scene {scene} does not meet what the spec requires"),
     help="use scenes that were sampled from this spec",
-    formerly=("scene-outside", "requirement-not-met"),
 )
 PHI_DIFFERS = Kind(
     "phi-differs",
@@ -269,7 +248,6 @@ PHI_DIFFERS = Kind(
         "{file} stores no phi of `{label}`",
     ),
     help=("{count} scenes are off; sample them again", "sample the scenes again"),
-    formerly=("label-without-spec", "phi-not-stored"),
 )
 
 # unfinished runs
@@ -292,10 +270,6 @@ OTHER_REQUEST = Kind(
 )
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What is wrong with sets of scenes: folders on a disk or in an object store, and the engines that write them.
-
-
 UNKNOWN_STORE = Kind(
     "unknown-store",
     "cannot open {location}: {reason}",
@@ -305,7 +279,6 @@ SET_IN_USE = Kind(
     "set-in-use",
     "another run is writing {location}[[: process {pid} on {host}]]",
     help="wait for it, or name another place",
-    formerly=("folder-locked",),
 )
 NOT_A_SET = Kind("not-a-set", "{location} is not a set of scenes: {reason}", help="{remedy}")
 DAMAGED_SHARD = Kind(
@@ -319,7 +292,6 @@ DAMAGED_SHARD = Kind(
         "delete {folder}, and start again",
         "make the set again in another folder; its request is in manifest.json",
     ),
-    formerly=("damaged-run", "faulty-shards"),
 )
 FINISHED_SET = Kind("finished-set", "{location} has a set of scenes already", help="choose another folder")
 FOLDER_NOT_EMPTY = Kind(
@@ -329,7 +301,6 @@ FOLDER_NOT_EMPTY = Kind(
         "{location} has other files: {odd}",
     ),
     help=("{folder:?}move it, or name another output file", "choose an empty folder, or one that does not exist"),
-    formerly=("folder-in-the-way",),
 )
 SHARD_SIZE = Kind(
     "shard-size",
@@ -370,7 +341,6 @@ SAME_NAME = Kind(
         "{objects:?}give each a name of its own in `names`",
         "give them one at a time, or rename one of the files",
     ),
-    formerly=("name-twice",),
 )
 SOME_FAILED = Kind(
     "some-failed", "{failed:list} failed; the others of {count} are done", help="see what is said of each above"
@@ -421,7 +391,6 @@ TRAJECTORY_TIMES = Kind(
         "{first:?}record all of it, or let `time` end earlier",
         "let `time` last longer; with <resample> rows beyond its end are not looked at",
     ),
-    formerly=("trajectory-order", "trajectory-ends", "trajectory-too-long"),
 )
 TRAJECTORY_START = Kind(
     "trajectory-start",

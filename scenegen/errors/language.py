@@ -22,13 +22,11 @@ UNKNOWN_NAME = Kind(
         "the objects are {objects:quoted8}",
         "declare it: object {name}",
     ),
-    formerly=("unknown-constant",),
 )
 WRONG_NAME = Kind(
     "wrong-name",
     ("{relation:?}`{name}` is not a relation", "`{name}` is not a constant"),
     ("{relation:?}it cannot be called", "only numbers and constants can stand here"),
-    formerly=("not-a-constant", "not-a-relation"),
 )
 NOT_FINITE = Kind(
     "not-finite",
@@ -55,7 +53,6 @@ NAMED_TWICE = Kind(
         "`{name}` is named twice",
     ),
     help=("{parameter:?}rename one of them", "write {usage}", "two variables need two names"),
-    formerly=("duplicate-variable", "duplicate-parameter", "duplicate-argument"),
 )
 SHADOWED_VARIABLE = Kind(
     "shadowed-variable",
@@ -90,7 +87,6 @@ WRONG_NUMBER_OF_ARGUMENTS = Kind(
     ),
     ("{label}", "{one:?}1 given"),
     ("{one:?}write {name}(a, b), or {name}(items) with a list of numbers", "write {usage}"),
-    formerly=("missing-arguments", "no-arguments", "one-argument"),
 )
 WRONG_ORDER = Kind(
     "wrong-order",
@@ -102,7 +98,6 @@ WRONG_ORDER = Kind(
         "{argument:?}write {name} = ...",
         "move it before those that have one, or give it a default as well",
     ),
-    formerly=("unnamed-after-named", "default-before-required"),
 )
 UNKNOWN_PARAMETER = Kind("unknown-parameter", "`{function}` has no parameter `{name}`", help=(NEAREST, "write {usage}"))
 SAME_ARGUMENT_TWICE = Kind(
@@ -127,7 +122,6 @@ MIXED_LIST = Kind(
     ),
     ("{found:?}", "this is a list"),
     ("write [{single}]", "join lists with `+`: {mended}"),
-    formerly=("added-to-a-list",),
 )
 UNIT_MISMATCH = Kind(
     "unit-mismatch",
@@ -148,7 +142,6 @@ WRONG_UNIT = Kind(
         "{wanted:?}times are in s, ms or min: 0.5 s",
         "{angle:?}write 90 deg",
     ),
-    formerly=("unit-of-argument", "not-an-angle", "not-a-length", "not-a-plain-number", "not-a-time"),
 )
 MORE_THAN_A_TURN = Kind(
     "more-than-a-turn",
@@ -162,7 +155,6 @@ NOT_CONSTANT = Kind(
     ("{formula:?}a constant cannot depend on the scene", "{what} must be a constant"),
     ("{formula:?}", "this depends on the scene"),
     "write a definition: def {name}() = {formula}",
-    formerly=("constant-from-scene",),
 )
 WRONG_OVERRIDE = Kind("wrong-override", "`{name}` must be {wanted}[[, not {found}]]", help="the prelude's is {usual}")
 NUMBER_TOO_LARGE = Kind("number-too-large", "this number is too large")
@@ -176,7 +168,6 @@ WRONG_DIVISOR = Kind(
     ("{zero:?}division by zero", "only a constant can divide"),
     ("{zero:?}", "this depends on the scene"),
     ("{zero:?}", "multiply both sides of the comparison by it instead"),
-    formerly=("division-by-scene", "division-by-zero"),
 )
 NOT_TWO_COORDINATES = Kind(
     "not-two-coordinates",
@@ -199,7 +190,6 @@ MISPLACED_VALUE = Kind(
         "write {usage}",
         "a range stands in a quantifier: forall i in 1..6: ...",
     ),
-    formerly=("text-in-formula", "shape-in-formula", "stray-range"),
 )
 
 # lists, arrays, parts
@@ -212,7 +202,6 @@ TOO_FEW_ELEMENTS = Kind(
     ),
     ("{needed:?}`{kind}` has nothing to range over", "{domain:?}one variable given", "{needs}"),
     "write {kind} p, q in {domain}: ...",
-    formerly=("empty-list", "too-few-to-choose", "one-neighbour"),
 )
 EMPTY_RANGE = Kind("empty-range", "the range {lowest}..{highest} is empty", "it counts upwards", "write {instead}")
 NOT_AN_ARRAY = Kind("not-an-array", "`{name}` is one object, not an array", help="declare an array: object {name}[7]")
@@ -246,12 +235,7 @@ NO_SUCH_PART = Kind(
         "it has {known:members}",
         "only regions, the workspace and lists have parts",
     ),
-    formerly=("part-of-an-object", "coordinate-with-dot"),
 )
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Syntax errors of specs: bytes, brackets, words in the wrong place.
 
 
 SPEC_TOO_LONG = Kind(
@@ -263,27 +247,23 @@ SPEC_TOO_LONG = Kind(
         "this spec is too long with its imports; the limit is {limit:,} characters",
     ),
     "{path:?}the limit is {limit:,} bytes",
-    formerly=("import-too-large", "too-many-imports", "imports-too-long"),
 )
 NOT_UTF8 = Kind(
     "not-utf8",
     ("{file} is not UTF-8: byte 0x{byte:02x} in line {line}", "{file} is a binary file"),
     help=("{byte:?}save the file as UTF-8 in your editor", "a spec is a text file in UTF-8"),
-    formerly=("binary-file",),
 )
 ODD_CHARACTER = Kind(
     "odd-character",
     "character U+{point:04X} cannot stand in a spec",
     ("{half:?}half of a character, which no file can hold", "some programs take it for a line break"),
     ("{half:?}leave it out", "put a plain line break here"),
-    formerly=("odd-line-break", "half-character"),
 )
 NO_FORMULA = Kind(
     "no-formula",
     ("{empty:?}{file} is empty", "{file} has no formula"),
     ("{empty:?}there is no formula here", "nothing says what the scenes must satisfy"),
     ("{empty:?}write one, for instance: leftOf(mug, plate)", "add one: task: leftOf(mug, plate)"),
-    formerly=("empty-spec",),
 )
 CANNOT_PARSE = Kind("cannot-parse", "cannot parse {file}: {reason}")
 NESTED_TOO_DEEPLY = Kind(
@@ -298,21 +278,18 @@ NESTED_TOO_DEEPLY = Kind(
         "{operators:?}give parts of the formula a name with `def`, or range over them with `forall`",
         "split it: give parts of it a name with `def`",
     ),
-    formerly=("too-many-quantifiers", "too-many-over-time"),
 )
 UNEXPECTED = Kind(
     "unexpected",
     ("unexpected {found}", "the text ends after `{last}`", "the text ends"),
     "expected {expected}",
     (NEAREST, "{instead}", "{end:?}finish the formula"),
-    formerly=("unexpected-end",),
 )
 UNCLOSED = Kind(
     "unclosed",
     ("this `{opening}` is never closed", "this text is never closed"),
     "`{closing}` is missing[[ ({open_brackets} brackets are open)]]",
     ("add `{closing}` where it ends", 'add `"` where it ends'),
-    formerly=("unclosed-bracket", "unclosed-text"),
 )
 WRONG_BRACKET = Kind(
     "wrong-bracket",
@@ -320,7 +297,6 @@ WRONG_BRACKET = Kind(
     "expected `{wanted}`",
     ("{opening:?}", "remove it, or open it before"),
     "`{opening}` was opened in line {line}, column {column}",
-    formerly=("closes-nothing",),
 )
 NOTHING_BESIDE = Kind(
     "nothing-beside",
@@ -331,7 +307,6 @@ NOTHING_BESIDE = Kind(
     ),
     ("{closing:?}nothing stands here", "{right:?}", "expected a formula or a number before it"),
     ("{right:?}remove it", "{instead}"),
-    formerly=("nothing-inside", "nothing-on-left", "nothing-on-right"),
 )
 MISSING_OPERATOR = Kind(
     "missing-operator",
@@ -367,7 +342,6 @@ MISSING_SIGN = Kind(
         "{equal:?}constants and definitions are written with `=`, labels with `:`",
         "write forall i in 1..6: formula",
     ),
-    formerly=("missing-colon", "missing-equal", "missing-def", "missing-label-colon", "definition-without-parameters"),
 )
 UNNAMED_FORMULA = Kind(
     "unnamed-formula",
@@ -377,21 +351,18 @@ UNNAMED_FORMULA = Kind(
         "{word:?}give the formula before it a name: `task: ...`",
         "a formula among statements needs a name: `task: {formula}`",
     ),
-    formerly=("statement-after-formula",),
 )
 UNFINISHED_STATEMENT = Kind(
     "unfinished-statement",
     ("{named:?}a name with `:` opens a statement", "a statement opens here"),
     ("{named:?}it cannot stand inside a formula", "expected {expected} before it"),
     ("{named:?}finish the formula before it", "finish the statement before it"),
-    formerly=("label-inside-formula",),
 )
 KEYWORD_AS_NAME = Kind(
     "keyword-as-name",
     ("{keyword:?}unknown word `{word}`", "`{word}` is a keyword"),
     ("{keyword:?}", "expected {expected}", "it cannot name a formula"),
     ("keywords are lower case: `{keyword}`", "choose another name"),
-    formerly=("keyword-case",),
 )
 UNKNOWN_STATEMENT = Kind("unknown-statement", "unknown statement `{name}`", help=NEAREST)
 UNKNOWN_UNIT = Kind(
@@ -401,7 +372,6 @@ UNKNOWN_UNIT = Kind(
         "a unit follows a written number: {name} * 1 {unit}",
         "[[write {instead}; ]]units are m, cm, mm, rad, deg and turn[[; {times}]]",
     ),
-    formerly=("unit-after-name",),
 )
 BARE_POINT = Kind("bare-point", "a number starts and ends with a digit", help="write {mended}")
 CANNOT_BE_SAID = Kind("cannot-be-said", "`{word}` cannot be said here", help="{instead}")
@@ -431,10 +401,6 @@ FOREIGN_SIGN = Kind(
         "write {name} = ...",
         "write {instead}",
     ),
-    formerly=(
-        *("foreign-operator", "semicolon", "comma-between-formulas", "quoted-name", "braces"),
-        *("foreign-comment", "lookalike", "no-if", "colon-after-workspace", "colon-in-argument"),
-    ),
 )
 EQUALITY = Kind(
     "equality",
@@ -447,7 +413,6 @@ EQUALITY = Kind(
         "{single:?}to compare numbers write `<=` or `>=`, with a tolerance abs(a - b) <= 1 cm",
         "allow a tolerance: abs(a - b) <= 0.01; of two things say whether they differ: a != b",
     ),
-    formerly=("stray-equal",),
 )
 INFIX_RELATION = Kind(
     "infix-relation",
@@ -470,7 +435,6 @@ TIME_MISSING = Kind(
         "{word:?}say how long a motion lasts: time 20 steps, or time [0, 10 s] every 0.5 s",
         "say how long a motion lasts: time 20 steps",
     ),
-    formerly=("moves-without-time",),
 )
 TIME_IN_IMPORT = Kind(
     "time-in-import",
@@ -487,7 +451,6 @@ HORIZON_OUT_OF_RANGE = Kind(
     ),
     ("it has 1 to {limit:,}", "{start:?}", "each moment is later than the one before"),
     ("write every {such:g} s", "{start:?}write time [0, {length:g} s] every ..."),
-    formerly=("not-from-zero",),
 )
 NOT_WHOLE_STEPS = Kind(
     "not-whole-steps",
@@ -515,7 +478,6 @@ WRONG_WINDOW = Kind(
         "{none:?}write {operator} f, or eventually[2, 5] f",
         "let it begin at 0",
     ),
-    formerly=("empty-window", "window-in-the-past", "window-beyond", "no-window-here"),
 )
 WINDOW_CUT = Kind(
     "window-cut",
@@ -538,7 +500,6 @@ NO_PLACE_OVER_TIME = Kind(
     ),
     ("{most:?}", "what an object stands on stays the same in a motion"),
     ("write {name}[{most}]", "name one surface"),
-    formerly=("choice-over-time", "numbers-over-time"),
 )
 TIME_UNFINISHED = Kind(
     "time-unfinished",
@@ -557,5 +518,4 @@ TIME_UNFINISHED = Kind(
         "{movers:?}write moves one: in each step one object moves; or moves all",
         "write time 20 steps, or time [0, 10 s] every 0.5 s",
     ),
-    formerly=("unknown-time-word", "unknown-movers"),
 )

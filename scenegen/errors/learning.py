@@ -9,7 +9,6 @@ NO_START_IN_FILE = Kind(
     ("{motions:?}the source has no motion with {wanted}", "the file has no scene with {wanted}"),
     note=("{motions:?}only motions that meet what the spec requires count",),
     help=("{motions:?}draw some with `scenegen sample`, or leave `source` out",),
-    formerly=("no-scene-in-file", "no-motion-in-file"),
 )
 MOTIONS_OF_ANOTHER_SPEC = Kind(
     "motions-of-another-spec",
@@ -38,7 +37,6 @@ NOT_A_REACH = Kind(
         "{low:?}give one low and one high end per label of the spec",
         "write PhiBox((-0.7,), (0.0,)), or give `env.unwrapped.space`",
     ),
-    formerly=("uneven-reach", "reach-ends"),
 )
 TOO_MANY_CELLS = Kind(
     "too-many-cells",
@@ -53,11 +51,10 @@ NOT_A_STATE = Kind(
         "a state is a mapping, not {value}",
     ),
     help=("{part:?}restore into a strategy made like the one that was saved", "use what state() gave"),
-    formerly=("other-state", "partial-state"),
 )
 
 # environments
-NO_EPISODE = Kind("no-episode", "{state}", help="{remedy}", formerly=("no-start-yet",))
+NO_EPISODE = Kind("no-episode", "{state}", help="{remedy}")
 WRONG_ACTION = Kind(
     "wrong-action",
     (
@@ -67,7 +64,6 @@ WRONG_ACTION = Kind(
         "{wanted}, not {value}",
     ),
     help=("{number:?}they are numbered from 0 to {last}",),
-    formerly=("unknown-action", "action-out-of-range"),
 )
 NOTHING_TO_MOVE = Kind("nothing-to-move", "there is no object that can be moved: {reason}", help="free an object")
 NO_UNMET_GOAL = Kind(
@@ -82,13 +78,11 @@ NO_UNMET_GOAL = Kind(
         "{label:?}`scenegen check` names the parts that clash",
         "ask for a `phi` to begin with",
     ),
-    formerly=("goal-out-of-reach", "goal-always-met"),
 )
 NOT_A_TASK = Kind(
     "not-a-task",
     ("the task has phi of {count} labels", "{value} is no task"),
     help=("the spec has {labels:quoted}", "a task is a PhiBox with one low and one high number per label"),
-    formerly=("labels-of-task",),
 )
 NOT_POSES = Kind(
     "not-poses",
@@ -106,10 +100,6 @@ ONE_ENVIRONMENT = Kind(
 )
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What is wrong with training data, training runs, model files, and arrays given to metrics.
-
-
 # training data
 TOO_RARE_TO_TRAIN = Kind(
     "too-rare-to-train",
@@ -123,7 +113,6 @@ TOO_RARE_TO_TRAIN = Kind(
         "{draws:?}check that the spec can be satisfied, widen its tolerances, or train on `<data=uniform>`",
         "train on `<data=balanced>`",
     ),
-    formerly=("too-few-balanced", "no-positives", "requirement-too-rare"),
 )
 NOTHING_TO_LEARN = Kind(
     "nothing-to-learn",
@@ -147,7 +136,6 @@ NO_TIME_TO_TRAIN = Kind(
         "[[{kept:?}go on with `<resume=True>`, or ]]give it more time with <timeout>, ask for fewer <scenes>, "
         "or train on `<data=uniform>`",
     ),
-    formerly=("no-time-to-gather", "no-time-for-an-epoch"),
 )
 UNKNOWN_TO_MODEL = Kind(
     "unknown-to-model",
@@ -171,7 +159,6 @@ DATA_CHANGED = Kind(
         "{path:?}start again",
         "the file, or the version of scenegen or torch, has changed; start again without <resume>",
     ),
-    formerly=("other-data-resumed",),
 )
 
 # training runs
@@ -179,7 +166,6 @@ UNKNOWN_DEVICE = Kind(
     "unknown-device",
     ("{missing:?}there is no device `{name}` here", "unknown device `{name}`"),
     help=("{missing:?}write `<device=cpu>`", "write `cpu`, `cuda` or `cuda:1`"),
-    formerly=("no-device",),
 )
 DIVERGED = Kind(
     "diverged",
@@ -209,7 +195,6 @@ DAMAGED_MODEL = Kind(
         "{path} is damaged; it is not {what} that can be used[[: {reason}]]",
     ),
     help="copy it again from where it came from, or train the model again",
-    formerly=("model-setting", "weights-misfit", "model-contradicts-itself"),
 )
 MODEL_VERSION = Kind(
     "model-version",
@@ -233,7 +218,6 @@ MODEL_OF_ANOTHER_SPEC = Kind(
         "make the environment from that one",
     ),
     note="[[the model's spec has SHA-256 {hash_found}, the one given {hash_wanted}]]",
-    formerly=("other-spec-resumed", "model-folder", "source-of-another-spec"),
 )
 POOR_MODEL = Kind(
     "poor-model",
@@ -245,7 +229,6 @@ POOR_MODEL = Kind(
     ),
     help="the card of a trained model has the figures; sample the spec itself for exact scenes",
     severity="warning",
-    formerly=("scenes-left-out", "phi-missed", "unlike-exact"),
 )
 NOT_MEASURED = Kind(
     "not-measured",
@@ -278,13 +261,11 @@ WRONG_SHAPE = Kind(
     "wrong-shape",
     "{what} of shape {found}",
     help="give {wanted}",
-    formerly=("wrong-phi-shape", "bad-counts", "too-few-expected"),
 )
 ARRAY_NOT_FINITE = Kind(
     "array-not-finite",
     "{what} is not finite",
     help=("{remedy}", "check the scenes for NaN and infinity"),
-    formerly=("output-not-finite",),
 )
 DIFFERENT_OBJECTS = Kind(
     "different-objects",
@@ -295,7 +276,6 @@ TOO_FEW_SCENES = Kind(
     "too-few-scenes",
     ("{count} {which} scenes are too few", "{count} scenes are too few: some train, others are held out"),
     help=("this metric needs at least {needed}", "give at least 2 scenes"),
-    formerly=("too-few-to-split",),
 )
 
 # folders of models

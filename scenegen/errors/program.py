@@ -41,7 +41,6 @@ NOT_ITS_MODEL = Kind(
         "{outlines:?}`<meshes>` draws .glb, .gltf, .obj and .stl meshes and URDF files",
     ),
     severity="note",
-    formerly=("no-picture", "still-outlines"),
 )
 OTHER_FILES = Kind("other-files", "{files} scene_*{ending} in {folder} {verb} not of these scenes", severity="note")
 PHI_NOT_COMPARED = Kind(
@@ -61,7 +60,6 @@ TRAINING_INTERRUPTED = Kind(
         "stopped after {done} of {epochs} epochs; go on with `<resume=True> <out={path}>`",
     ),
     severity="note",
-    formerly=("time-is-up",),
 )
 TRAINING_DONE = Kind(
     "training-done",
@@ -70,7 +68,6 @@ TRAINING_DONE = Kind(
         "{epochs} epochs are already done; to train on, ask for more with <epochs>",
     ),
     severity="note",
-    formerly=("already-done", "stopped-early"),
 )
 NEW_RATE = Kind(
     "new-rate",
@@ -79,15 +76,10 @@ NEW_RATE = Kind(
 )
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What goes wrong with the page of `scenegen view`: opening it, serving it, and what it wants.
-
-
 NOT_OPENED = Kind(
     "not-opened",
     ("cannot open {name}: there is no such file", "cannot open {file}: {reason}"),
     help=(NEAREST, "{known:?}name a spec, a scene file, a model or a folder; `scenegen specs` lists specs"),
-    formerly=("nothing-to-open",),
 )
 SERVED_IN_PUBLIC = Kind(
     "served-in-public",
@@ -115,7 +107,6 @@ PAGE_LIMIT = Kind(
         "{poses:?}`scenegen sample` draws it; on the page take fewer steps",
         "{moments:?}`scenegen render MOTIONS --out x.gif` draws it",
     ),
-    formerly=("page-too-large", "too-many-shown", "motion-too-long", "long-gif"),
 )
 ANOTHER_SPEC = Kind(
     "another-spec",

@@ -9,21 +9,11 @@ WRONG_VALUE = Kind(
     "wrong-value",
     "{argument:argument} is {value}",
     help="give it {wanted}",
-    formerly=(
-        "data-name",
-        "not-a-generator",
-        "not-a-strategy",
-        "not-an-environment",
-        "number-of-seeds",
-        "odd-file-name",
-        "wrong-autoreset",
-    ),
 )
 OUT_OF_RANGE = Kind(
     "out-of-range",
     "{argument:argument} is {value}",
     help="it must be {wanted}[[; {hint}]]",
-    formerly=("label-not-there",),
 )
 UNKNOWN_CHOICE = Kind(
     "unknown-choice",
@@ -34,37 +24,31 @@ CONFLICTING_ARGUMENTS = Kind(
     "conflicting-arguments",
     "{one:argument} and {other:argument} contradict each other[[: {reason}]]",
     help="give one of them",
-    formerly=("raw-with-fixed", "raw-settled"),
 )
 OUT_OF_PLACE = Kind(
     "out-of-place",
     ("{argument:argument} {rule}", "{option} {rule}"),
     help="{remedy}",
-    formerly=("resume-without-file", "public-address"),
 )
 WITHOUT_MODEL = Kind(
     "without-model",
     "{argument:argument} {rule}, and no model takes part here",
     help="name a model file, or leave {argument:argument} out",
-    formerly=("raw-without-model", "method-without-model", "steps-of-spec", "spec-of-spec"),
 )
 ARGUMENT_SYNTAX = Kind(
     "argument-syntax",
     "{what} is written {form}",
     help=("write a band: {band}", "for instance {example}"),
-    formerly=("setting-syntax", "size-syntax", "held-syntax", "range-syntax", "range-without-end", "count-syntax"),
 )
 GIVEN_TWICE = Kind(
     "given-twice",
     "{what} is given twice",
     help="give it once",
-    formerly=("setting-twice", "label-twice", "held-twice", "count-twice"),
 )
 NEEDED_HERE = Kind(
     "needed-here",
     "{what} is needed here, not {value}",
     help="{remedy}",
-    formerly=("not-a-spec", "not-a-text", "not-a-scene"),
 )
 TOO_MANY = Kind(
     "too-many",
@@ -77,7 +61,6 @@ TOO_MANY = Kind(
         "{most:,}",
         "write .jsonl or .parquet, or ask for at most {most:,}",
     ),
-    formerly=("too-many-for-memory", "too-many-for-json"),
 )
 UNKNOWN_SETTING = Kind(
     "unknown-setting", "[[{path}: ]]{owner} has no setting `{name}`", help=(NEAREST, "its settings are {known:quoted}")
@@ -100,7 +83,6 @@ NO_SUCH_NUMBER = Kind(
     "no-such-number",
     "there is no {what} {number}",
     help=("{last:?}{file} holds the {what}s {first} to {last}", "{file} holds a single one, without a number"),
-    formerly=("no-such-scene-number", "no-such-motion"),
 )
 NO_SCENES = Kind("no-scenes", "there are no scenes[[ in {file}]][[ with {counted}]]", help="sample some first")
 NOT_INSTALLED = Kind("not-installed", "{package} is needed {purpose}, and is not installed", help="{command}")
@@ -137,7 +119,6 @@ RANGE_NOT_A_PAIR = Kind(
     "range-not-a-pair",
     ("{end} cannot end a range of phi of `{label}`", "the range of phi of `{label}` is {value}"),
     help="write (lowest, highest), with None for an open end",
-    formerly=("range-end",),
 )
 RANGE_REVERSED = Kind("range-reversed", "this range[[ of phi of `{label}`]] is reversed", help="write {high:g}:{low:g}")
 BEYOND_BOUNDS = Kind(
@@ -176,7 +157,6 @@ CANNOT_BE_HELD = Kind(
         "{missing:?}hold what is always there, or fix the numbers with `<count>`",
         "leave it out, or take the `at` of `{name}` away",
     ),
-    formerly=("held-outside", "held-may-be-missing", "held-by-spec"),
 )
 NOT_A_POSE = Kind(
     "not-a-pose", "the pose of `{name}` is {value}", help="write (x, y) or (x, y, theta), in metres and radians"
@@ -224,7 +204,6 @@ REQUIREMENT_NOT_FOUND = Kind(
         "require less, or make the workspace larger",
     ),
     note="[[the best one misses it by {misses:.4g}]]",
-    formerly=("no-motion-meets", "no-valid-scene"),
 )
 NO_ROOM = Kind(
     "no-room",
@@ -283,23 +262,23 @@ _FOUND = (
     "found none of {n:,} scenes in {tried}[[; {kept}]]",
 )
 _MORE = "[[; {refused}]][[; {folder} keeps what is done: go on with <resume>]]"
-_TIME = "give it more time with <timeout>"
+_LONGER = "give it more time with <timeout>"
 _KEEP = ", or save what there is with <keep_partial>"
 TOO_FEW_IN_RANGE = Kind(
     "too-few-in-range",
     _FOUND,
     "`{atom}` decides phi in {deciding:.0%} of those that fail",
-    (f"{{found:?}}widen the range, {_TIME}{_KEEP}", f"widen the range, {_TIME}"),
+    (f"{{found:?}}widen the range, {_LONGER}{_KEEP}", f"widen the range, {_LONGER}"),
     "phi of `{label}` was outside `{range}` in {share} of the last {candidates:,} candidates" + _MORE,
 )
 TOO_FEW_IN_CELL = Kind(
     "too-few-in-cell",
     _FOUND,
     help=(
-        f"{{found:?}}{{cells:?}}ask for `<spread=base>`, leave out the rarest part of the range, or {_TIME}{_KEEP}",
-        f"{{cells:?}}ask for `<spread=base>`, leave out the rarest part of the range, or {_TIME}",
-        f"{{found:?}}{_TIME}, ask for fewer scenes{_KEEP}",
-        f"{_TIME}, or ask for fewer scenes",
+        f"{{found:?}}{{cells:?}}ask for `<spread=base>`, leave out the rarest part of the range, or {_LONGER}{_KEEP}",
+        f"{{cells:?}}ask for `<spread=base>`, leave out the rarest part of the range, or {_LONGER}",
+        f"{{found:?}}{_LONGER}, ask for fewer scenes{_KEEP}",
+        f"{_LONGER}, or ask for fewer scenes",
     ),
     note="[[{rarest} is the rarest part of the range]]" + _MORE,
 )
@@ -308,8 +287,8 @@ TOO_FEW_MEET_REQUIREMENT = Kind(
     _FOUND,
     "`{atom}` decides phi in {deciding:.0%} of those that fail",
     (
-        f"{{found:?}}require less, or make the workspace larger; or {_TIME}{_KEEP}",
-        f"require less, or make the workspace larger; or {_TIME}",
+        f"{{found:?}}require less, or make the workspace larger; or {_LONGER}{_KEEP}",
+        f"require less, or make the workspace larger; or {_LONGER}",
     ),
     "phi of `{label}` was outside `{range}` in {share} of the last {candidates:,} candidates" + _MORE,
 )
@@ -348,7 +327,6 @@ SCENES_ALIKE = Kind(
         "the range may have parts between which no move leads; the shares of such parts are uncertain",
     ),
     severity="warning",
-    formerly=("chains-correlated",),
 )
 UNSETTLED = Kind(
     "unsettled",
@@ -393,7 +371,6 @@ TOO_FEW_MOTIONS = Kind(
         "{pairs:?}ask for a wider range of starts, for another number of moved objects, or for more time",
         "ask for another range or for more time, or let objects move faster or in more steps",
     ),
-    formerly=("too-few-pairs",),
 )
 CANNOT_MOVE_SO_MANY = Kind(
     "cannot-move-so-many",
@@ -420,5 +397,4 @@ NOT_ONE_MOTION = Kind(
         "{count:?}choose one with <motion>, or name a folder and draw the figures gif or mp4 of all",
         "`scenegen sample` draws motions of a spec with `time`; `--figure gif` animates how a layout is solved",
     ),
-    formerly=("which-motion",),
 )

@@ -14,7 +14,6 @@ PDDL_TEXT = Kind(
         "the parentheses do not match",
     ),
     ("{character}", "one too many{limit:?}", "never closed: {opened:?}", "nothing is open here"),
-    formerly=("pddl-character", "pddl-brackets", "pddl-too-deep"),
 )
 PDDL_NO_PROBLEM = Kind(
     "pddl-no-problem", "{file} is not a PDDL problem: {reason}", help="it starts with `(define (problem NAME) ...)`"
@@ -33,7 +32,6 @@ PDDL_TOO_LARGE = Kind(
         "the limit is {limit:,}; name the relations that you need, as in --facts leftOf,on{count:?}",
         "the limit is {limit:,}",
     ),
-    formerly=("pddl-too-many-things", "too-many-facts"),
 )
 
 # meaning
@@ -91,13 +89,6 @@ PDDL_GOAL = Kind(
         "{labels:quoted}: PDDL has no words for what is said of a whole motion; the goal is all that holds in the end",
     ),
     severity="note",
-    formerly=(
-        "goal-on-the-edge",
-        "parts-without-relation",
-        "goal-too-long",
-        "facts-without-place",
-        "labels-over-time",
-    ),
 )
 NOT_ITS_SCENES = Kind(
     "not-its-scenes",
@@ -109,10 +100,6 @@ ONE_PROBLEM_A_FILE = Kind(
     "{path} is one file, and there are {count:,} scenes",
     help="a PDDL file holds one problem: name a folder",
 )
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What is wrong with scenes that are put into the environments of other libraries.
 
 
 PLACEMENT = Kind(
@@ -133,14 +120,6 @@ PLACEMENT = Kind(
         "declare the fixtures in the spec, or give `ensure_valid_placement=False`{tried:?}",
         "its objects are {known:quoted}; give the object's name there in `names`, or hold it in place with `at`",
         "ask for another range of phi{found:?}",
-    ),
-    formerly=(
-        "object-not-placed",
-        "already-placed",
-        "unknown-reference",
-        "placement-blocked",
-        "object-without-joint",
-        "object-not-there",
     ),
 )
 TOO_FEW_LAYOUTS = Kind(

@@ -16,7 +16,6 @@ from typing import Any
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, edges
 from scenegen.geometry.namespace import Namespace
 
-# --------------------------------------------------------------------------------------------------------------------
 # Clearance of two oriented boxes: the signed distance of b's centre from the octagon that a's shape sweeps round b's.
 #
 # The Minkowski sum of two boxes is an octagon with its middle in a's centre. Its edges come in four opposite pairs:

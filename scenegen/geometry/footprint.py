@@ -53,10 +53,6 @@ Footprint = Circle | Box | Polygon
 POINT = Circle(0.0)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Convex polygons from points: hull, area, centroid.
-
-
 Point = tuple[float, float]
 Rectangle = tuple[float, float, float, float]  # x lowest, y lowest, x highest, y highest
 
@@ -115,7 +111,7 @@ def centroid(polygon: Polygon) -> Point:
     return x + sum_x / (3.0 * twice), y + sum_y / (3.0 * twice)
 
 
-def clipped(points: Sequence[Point], within: Rectangle) -> tuple[Point, ...]:
+def clip(points: Sequence[Point], within: Rectangle) -> tuple[Point, ...]:
     """The corners of the intersection of a convex polygon and a rectangle, none if it is empty (Sutherland and Hodgman
     1974)."""
     ring = list(points)
@@ -149,10 +145,6 @@ def _chain(points: Sequence[Point]) -> list[Point]:
 def _cross(a: Point, b: Point, c: Point) -> float:
     """Twice the area of the triangle a, b, c: positive where it turns left."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Constants of one footprint for computing clearance, computed once.
 
 
 class Edge(NamedTuple):
@@ -245,11 +237,7 @@ def _mitre(sides: tuple[Edge, ...]) -> float:
     return 1.0 / smallest if smallest > 0.0 else math.inf
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# How much room one footprint has in another: the area on which its centre can be, over all headings.
-
-
-HEADINGS = 720  # over which the area is averaged; its error is then below one in 10,000
+AVERAGED_HEADINGS = 720  # over which the area is averaged; its error is then below one in 10,000
 RAYS = 4096  # of the area that is left in a circle
 
 
@@ -264,22 +252,22 @@ def standing_area(upper: Footprint, outline: Footprint) -> float:
         return length * width
     polygon = outline if isinstance(outline, Polygon) else Polygon(corners(outline))
     if isinstance(upper, Circle):
-        return _left(polygon, [edge.offset - upper.radius for edge in edges(polygon)])
+        return _area_inside(polygon, [edge.offset - upper.radius for edge in edges(polygon)])
     points = corners(upper)
     total = 0.0
-    for step in range(HEADINGS):
-        turn = math.tau * (step + 0.5) / HEADINGS
+    for step in range(AVERAGED_HEADINGS):
+        turn = math.tau * (step + 0.5) / AVERAGED_HEADINGS
         cos, sin = math.cos(turn), math.sin(turn)
         turned = [(cos * x - sin * y, sin * x + cos * y) for x, y in points]
-        total += _left(polygon, [edge.offset - _support(turned, edge) for edge in edges(polygon)])
-    return total / HEADINGS
+        total += _area_inside(polygon, [edge.offset - _support(turned, edge) for edge in edges(polygon)])
+    return total / AVERAGED_HEADINGS
 
 
 def _support(points: list[Point], edge: Edge) -> float:
     return max(edge.normal[0] * x + edge.normal[1] * y for x, y in points)
 
 
-def _left(polygon: Polygon, offsets: list[float]) -> float:
+def _area_inside(polygon: Polygon, offsets: list[float]) -> float:
     """The area of a polygon whose edges have moved to other offsets, inwards."""
     ring = list(polygon.vertices)
     for edge, offset in zip(edges(polygon), offsets, strict=True):

@@ -135,7 +135,6 @@ def sin(a: Interval) -> Interval:
     return Interval(np.maximum(lo - room, -1.0), np.minimum(hi + room, 1.0))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Contraction: the remaining intervals of a primitive's arguments, given a target interval for its result.
 #
 # One rule for each primitive, as in HC4-revise (Benhamou et al. 1999, "Revising hull and box consistency"). A rule gets
@@ -147,7 +146,7 @@ def sin(a: Interval) -> Interval:
 
 
 EPS = 8 * 2.0**-53  # a few roundings, relative
-TINY = 2.0**-1022  # what underflow can lose
+MIN_NORMAL = 2.0**-1022  # what underflow can lose
 
 Intervals = tuple[Interval, ...]
 Rule = Callable[..., Intervals]
@@ -195,13 +194,13 @@ def hull(a: Interval, b: Interval) -> Interval:
 
 @quiet
 def back_add(result: Interval, a: Interval, b: Interval) -> Intervals:
-    wanted = loosen(result, EPS * size(result, a, b) + TINY)
+    wanted = loosen(result, EPS * size(result, a, b) + MIN_NORMAL)
     return meet(a, sub(wanted, b)), meet(b, sub(wanted, a))
 
 
 @quiet
 def back_sub(result: Interval, a: Interval, b: Interval) -> Intervals:
-    wanted = loosen(result, EPS * size(result, a, b) + TINY)
+    wanted = loosen(result, EPS * size(result, a, b) + MIN_NORMAL)
     return meet(a, add(wanted, b)), meet(b, sub(a, wanted))
 
 
@@ -211,16 +210,16 @@ def back_neg(result: Interval, a: Interval) -> Intervals:
 
 @quiet
 def back_mul(result: Interval, a: Interval, b: Interval) -> Intervals:
-    wanted = loosen(result, EPS * size(result) + TINY)
+    wanted = loosen(result, EPS * size(result) + MIN_NORMAL)
     return _factor(wanted, a, b), _factor(wanted, b, a)
 
 
 @quiet
 def back_div(result: Interval, a: Interval, b: Interval) -> Intervals:
     """The divisor is a constant other than 0 (guaranteed by the checker)."""
-    wanted = loosen(result, EPS * size(result) + TINY)
+    wanted = loosen(result, EPS * size(result) + MIN_NORMAL)
     product = mul(wanted, b)
-    return meet(a, loosen(product, EPS * size(product) + TINY)), b
+    return meet(a, loosen(product, EPS * size(product) + MIN_NORMAL)), b
 
 
 @quiet
@@ -252,7 +251,7 @@ def back_maximum(result: Interval, *parts: Interval) -> Intervals:
 @quiet
 def back_total(result: Interval, *parts: Interval) -> Intervals:
     """Of a sum of any length: each part is the result less all others."""
-    wanted = loosen(result, len(parts) * EPS * size(result, *parts) + TINY)
+    wanted = loosen(result, len(parts) * EPS * size(result, *parts) + MIN_NORMAL)
     every = total(*parts)
     return tuple(
         meet(part, Interval(wanted.lo - (every.hi - part.hi), wanted.hi - (every.lo - part.lo))) for part in parts
@@ -262,7 +261,9 @@ def back_total(result: Interval, *parts: Interval) -> Intervals:
 @quiet
 def back_mean(result: Interval, *parts: Interval) -> Intervals:
     count = float(len(parts))
-    return back_total(loosen(Interval(count * result.lo, count * result.hi), EPS * count * size(result) + TINY), *parts)
+    return back_total(
+        loosen(Interval(count * result.lo, count * result.hi), EPS * count * size(result) + MIN_NORMAL), *parts
+    )
 
 
 def back_pick(result: Interval, switch: Interval, end: Interval, before: Interval, after: Interval) -> Intervals:
@@ -308,7 +309,7 @@ def _quotient(wanted: Interval, b: Interval) -> Interval:
     """wanted / b for b >= 0, empty where b is empty; where b holds 0, `wanted` does not."""
     lo = np.where(wanted.lo >= 0.0, wanted.lo / b.hi, wanted.lo / b.lo)
     hi = np.where(wanted.hi >= 0.0, wanted.hi / b.lo, wanted.hi / b.hi)
-    slack = EPS * size(Interval(lo, lo)) + TINY, EPS * size(Interval(hi, hi)) + TINY
+    slack = EPS * size(Interval(lo, lo)) + MIN_NORMAL, EPS * size(Interval(hi, hi)) + MIN_NORMAL
     nothing = b.lo > b.hi
     return Interval(np.where(nothing, np.inf, lo - slack[0]), np.where(nothing, -np.inf, hi + slack[1]))
 
@@ -325,16 +326,15 @@ def _leg(result: Interval, leg: Interval, other: Interval) -> Interval:
     least, most = np.maximum(result.lo, 0.0), result.hi
     # The slack is on the squares: their difference cancels, and its root can be far larger than its rounding error.
     low = least * least - across.hi * across.hi
-    low = low - EPS * (least * least + across.hi * across.hi) - TINY
+    low = low - EPS * (least * least + across.hi * across.hi) - MIN_NORMAL
     high = most * most - across.lo * across.lo
-    high = high + EPS * (most * most + across.lo * across.lo) + TINY
+    high = high + EPS * (most * most + across.lo * across.lo) + MIN_NORMAL
     none = (most < 0.0) | (high < 0.0)
     near = np.sqrt(np.maximum(low, 0.0)) * (1.0 - EPS)
     far = np.where(none, -np.inf, np.sqrt(np.maximum(high, 0.0)) * (1.0 + EPS))
     return _either_sign(Interval(np.where(np.isnan(near), 0.0, near), np.where(np.isnan(far), np.inf, far)), leg)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Interval rules of gap, room, reach and bearing.
 #
 # With the headings held, gap is the maximum and room the minimum of functions that are affine in the translation
@@ -346,7 +346,7 @@ def _leg(result: Interval, leg: Interval, other: Interval) -> Interval:
 
 ERROR = 2.0**-46  # 128 roundings: more than in a value and its bound together, relative to all lengths involved
 DIRECTIONS = 8
-ANGLES = tuple(k * (2.0 * math.pi / DIRECTIONS) for k in range(DIRECTIONS))
+BOUND_ANGLES = tuple(k * (2.0 * math.pi / DIRECTIONS) for k in range(DIRECTIONS))
 
 
 def gap(
@@ -361,8 +361,8 @@ def gap(
     (a_mid, a_half), (b_mid, b_half) = split(at), split(bt)
     turn = one.turn * a_half + other.turn * b_half
     ends, middle = _at_corners(clearance.gap, a, b, dx, dy, a_mid, b_mid, flip=False)
-    bound = narrow(bound, middle - spread(dx, dy) - turn, ends.max(0) + turn)
-    slack = apart(dx, dy, at, bt, a, b, directions(bound.lo)).max(0)
+    bound = narrow(bound, middle - corner_distance(dx, dy) - turn, ends.max(0) + turn)
+    slack = separations(dx, dy, at, bt, a, b, directions(bound.lo)).max(0)
     return loosen(narrow(bound, slack, math.inf), rounding(one, other, ax, ay, at, bx, by, bt))
 
 
@@ -372,7 +372,7 @@ def room(
     dx, dy = sub(ax, bx), sub(ay, by)
     one, other = measures(a), measures(b)
     dist = hypot(dx, dy)
-    lo, hi = other.inner - one.outer - dist.hi, mitred(other, other.outer - one.inner - dist.lo)
+    lo, hi = other.inner - one.outer - dist.hi, miter_bound(other, other.outer - one.inner - dist.lo)
     if isinstance(a, Circle) and isinstance(b, Circle):
         return Interval(b.radius - a.radius - dist.hi, b.radius - a.radius - dist.lo)
     bound = Interval(lo, hi)
@@ -381,8 +381,8 @@ def room(
     if not isinstance(b, Circle):  # when b turns, a both turns and goes round, as b sees it
         turn = turn + (one.turn + dist.hi) * b_half
     ends, middle = _at_corners(clearance.room, a, b, dx, dy, a_mid, b_mid, flip=True)
-    bound = narrow(bound, ends.min(0) - turn, middle + spread(dx, dy) + turn)
-    slack = mitred(other, within(dx, dy, at, bt, a, b, directions(bound.lo)).min(0))
+    bound = narrow(bound, ends.min(0) - turn, middle + corner_distance(dx, dy) + turn)
+    slack = miter_bound(other, overhangs(dx, dy, at, bt, a, b, directions(bound.lo)).min(0))
     # For all poses: b, shrunk by the room, still contains the disc in a, so it is that wide.
     slack = np.minimum(slack, half_width(b) - max(one.inner, 0.0))
     return loosen(narrow(bound, -math.inf, slack), rounding(one, other, ax, ay, at, bx, by, bt))
@@ -423,23 +423,27 @@ def support(a: Footprint, angle: Interval) -> Interval:
 
 def directions(like: Array) -> Array:
     """Angles all around, along a new first axis before those of `like`."""
-    return np.array(ANGLES).reshape(DIRECTIONS, *(1,) * np.ndim(like))
+    return np.array(BOUND_ANGLES).reshape(DIRECTIONS, *(1,) * np.ndim(like))
 
 
-def apart(dx: Interval, dy: Interval, at: Interval, bt: Interval, a: Footprint, b: Footprint, angles: Array) -> Array:
+def separations(
+    dx: Interval, dy: Interval, at: Interval, bt: Interval, a: Footprint, b: Footprint, angles: Array
+) -> Array:
     """For each direction, a lower bound of how far b lies beyond a, and so of the gap, up to rounding."""
     along = _least_along(dx, dy, angles)
     return along - support(a, sub(_points(angles), at)).hi - support(b, sub(_points(angles + math.pi), bt)).hi
 
 
-def within(dx: Interval, dy: Interval, at: Interval, bt: Interval, a: Footprint, b: Footprint, angles: Array) -> Array:
+def overhangs(
+    dx: Interval, dy: Interval, at: Interval, bt: Interval, a: Footprint, b: Footprint, angles: Array
+) -> Array:
     """For each direction, an upper bound of how much farther b extends than a, for a at (dx, dy) from b, up to
     rounding."""
     along = _least_along(dx, dy, angles)
     return support(b, sub(_points(angles), bt)).hi - support(a, sub(_points(angles), at)).lo - along
 
 
-def mitred(b: Measures, slack: Array) -> Array:
+def miter_bound(b: Measures, slack: Array) -> Array:
     """An upper bound of room if b extends `slack` farther than a in some direction.
 
     Edges alone make room, and between the normals of two edges a negative slack is up to `mitre` times theirs.
@@ -452,7 +456,7 @@ def split(a: Interval) -> tuple[Array, Array]:
     return 0.5 * a.lo + 0.5 * a.hi, 0.5 * (a.hi - a.lo)
 
 
-def spread(dx: Interval, dy: Interval) -> Array:
+def corner_distance(dx: Interval, dy: Interval) -> Array:
     """How far the midpoint of a box is from its corners, in the 1-norm: with the Euclidean norm, the bounds of a box
     within a box could lie outside that box's."""
     return split(dx)[1] + split(dy)[1]
@@ -506,7 +510,6 @@ def _at_corners(
     return values[:4], values[4]
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Backward rules of gap and room: they narrow positions; headings stay as they are.
 #
 # They invert bounds that hold in one direction, along x or y, or for the discs around and inside the footprints.
@@ -524,7 +527,7 @@ def back_gap(a: Footprint, b: Footprint, result: Interval, *pose: Interval) -> I
     # In no direction does b lie farther beyond a than the gap is wide.
     zero = point(0.0)
     angles = _axes(slack)
-    limit = result.hi + slack - apart(zero, zero, at, bt, a, b, angles)
+    limit = result.hi + slack - separations(zero, zero, at, bt, a, b, angles)
     return _translate(far, limit, pose, from_b=False)
 
 
@@ -542,7 +545,7 @@ def back_room(a: Footprint, b: Footprint, result: Interval, *pose: Interval) -> 
     # In every direction b reaches at least so much farther than a.
     zero = point(0.0)
     angles = _axes(slack)
-    limit = within(zero, zero, at, bt, a, b, angles) - needed + slack
+    limit = overhangs(zero, zero, at, bt, a, b, angles) - needed + slack
     return _translate(far, limit, pose, from_b=True)
 
 

@@ -17,7 +17,6 @@ from scenegen.geometry.interval import Interval, Rule
 from scenegen.geometry.namespace import Namespace
 from scenegen.pose import FLAT, PLACE, TWO_PI
 
-# --------------------------------------------------------------------------------------------------------------------
 # Units of scalar expressions, as powers of metre and radian. A bare number takes its unit from its place
 # (docs/language.md), so `BARE` agrees with every unit.
 
@@ -94,7 +93,7 @@ def times(left: Unit, right: Unit) -> Unit:
     return Unit(left.length + right.length, left.angle + right.angle, left.time + right.time)
 
 
-def over(left: Unit, right: Unit) -> Unit:
+def divide_units(left: Unit, right: Unit) -> Unit:
     return Unit(left.length - right.length, left.angle - right.angle, left.time - right.time)
 
 
@@ -105,11 +104,7 @@ def quantity(number: str, suffix: str) -> tuple[float, Unit]:
         return float(number), BARE
     name, per_second, _ = suffix.partition("/")
     multiplier, divisor, unit = _UNITS[name]
-    return float(number) * multiplier / divisor, over(unit, TIME) if per_second else unit
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Primitives.
+    return float(number) * multiplier / divisor, divide_units(unit, TIME) if per_second else unit
 
 
 Shape = Literal["number", "place", "footprint"]
@@ -180,11 +175,11 @@ class Primitive:
         for kind in self.params:
             if kind != "number":
                 found.append((at, at + 1))
-            at += NUMBERS[kind]
+            at += NUMBERS_OF_KIND[kind]
         return tuple(found)
 
 
-NUMBERS: dict[Shape, int] = {"number": 1, "place": len(PLACE), "footprint": len(FLAT)}
+NUMBERS_OF_KIND: dict[Shape, int] = {"number": 1, "place": len(PLACE), "footprint": len(FLAT)}
 """How many numbers an argument is."""
 
 
@@ -236,7 +231,7 @@ def _quotient(values: Sequence[float | None]) -> Sequence[float] | None:
     return None if divisor is None else (1.0 / divisor, 0.0)
 
 
-def _each(values: Sequence[float | None]) -> Sequence[float]:
+def _same_slopes(values: Sequence[float | None]) -> Sequence[float]:
     return [1.0] * len(values)
 
 
@@ -250,7 +245,7 @@ PRIMITIVES: dict[str, Primitive] = {
     for primitive in (
         Primitive(
             "add", _TWO, lambda ns, a, b: a + b, iv.add, agree, "a + b",
-            operator="+", backward=iv.back_add, exact=True, slopes=_each,
+            operator="+", backward=iv.back_add, exact=True, slopes=_same_slopes,
         ),
         Primitive(
             "sub", _TWO, lambda ns, a, b: a - b, iv.sub, agree, "a - b",
@@ -261,7 +256,7 @@ PRIMITIVES: dict[str, Primitive] = {
             operator="*", backward=iv.back_mul, exact=True, slopes=_product,
         ),
         Primitive(
-            "div", _TWO, lambda ns, a, b: a / b, iv.div, over, "a / constant",
+            "div", _TWO, lambda ns, a, b: a / b, iv.div, divide_units, "a / constant",
             operator="/", backward=iv.back_div, exact=True, slopes=_quotient,
         ),
         Primitive(
@@ -291,7 +286,7 @@ PRIMITIVES: dict[str, Primitive] = {
         ),
         Primitive(
             "sum", _ONE, _total, iv.total, agree, "the sum of all arguments",
-            variadic=True, backward=iv.back_total, slopes=_each,
+            variadic=True, backward=iv.back_total, slopes=_same_slopes,
         ),
         Primitive(
             "mean", _ONE, lambda ns, *numbers: _total(ns, *numbers) / len(numbers), iv.mean, agree,

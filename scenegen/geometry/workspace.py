@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.pose import AXES, EVERY, NAMES, THETA, TWO_PI, X, Y, along, object_count, row_of
+from scenegen.pose import AXES, EVERY, NAMES, THETA, TWO_PI, X, Y, along, object_count, row_of, wrap_heading
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,30 +76,21 @@ class Workspace:
         return inside
 
 
-def turned(rows: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def wrap_headings(rows: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """(3N, B) storage with every theta in [0, 2 pi), the same array where that is so already."""
     theta = rows[along(THETA)]
     outside = (theta < 0.0) | (theta >= TWO_PI)
     if not outside.any():
         return rows
-    rest = np.mod(theta, TWO_PI)
     rows = rows.copy()
-    rows[along(THETA)] = np.where(outside, np.where(rest < TWO_PI, rest, 0.0), theta)  # that of -1e-17 is rounded up
+    rows[along(THETA)] = np.where(outside, wrap_heading(np, theta), theta)
     return rows
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# How large and how far away things may be. The language keeps to it; files can hold any number (scenes/data.py).
-
-
 LARGEST, SMALLEST = 1e3, 1e-6  # metres: sizes of objects and regions
-FARTHEST = 1e6  # metres from the origin; rounding is then still far below a micrometre
+MAX_COORDINATE = 1e6  # metres from the origin; rounding is then still far below a micrometre
 BOARD = 0.01  # metres: how thick a region at a height is, where the table leaves room for that
-WIDEST = 2.0 * FARTHEST  # metres: what has its corners no further out
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Attitudes as quaternions (qw, qx, qy, qz): how far one is turned against another, and which heading is nearest.
+MAX_WORKSPACE_WIDTH = 2.0 * MAX_COORDINATE  # metres: what has its corners no further out
 
 
 Floats = npt.NDArray[np.float64]

@@ -17,23 +17,32 @@ from scenegen.errors.language import (
     WRONG_OVERRIDE,
 )
 from scenegen.geometry.primitives import ANGLE, BARE, LENGTH
-from scenegen.lang.check.draft import Draft, Look
+from scenegen.lang.check.draft import Draft, LoweringHook
 from scenegen.lang.check.expressions import FormulaLowering
 from scenegen.lang.check.families import always_the_same, family, is_category, refuse_surfaces
-from scenegen.lang.check.functions import horizon, meant, movers
+from scenegen.lang.check.functions import find_remedy, horizon, movers
 from scenegen.lang.check.imports import Project, SourcedStatement, inline
 from scenegen.lang.check.lowering import Lowering
-from scenegen.lang.check.names import resolve, unused
+from scenegen.lang.check.names import find_unused, resolve
 from scenegen.lang.check.objects import canonical, categories, name_objects, pose, shape, unlikely
 from scenegen.lang.check.regions import areas, level_clash, workspace
 from scenegen.lang.check.scope import LABEL, Declared, collect, prelude
-from scenegen.lang.check.supports import choices, clashing, empty, heights, relaxed, spread, standing_on, supports
+from scenegen.lang.check.supports import (
+    choices,
+    clashing,
+    empty_supports,
+    heights,
+    standing_on,
+    support_boxes,
+    supports,
+    without_supports,
+)
 from scenegen.lang.check.values import AnyValue, CallFrame, NumberValue, Value, whole
 from scenegen.lang.formula.builder import FALSE, TRUE, CoreBuilder, FormulaTooLarge
 from scenegen.lang.formula.core import Coord, Junction, Node, Temporal, children
 from scenegen.lang.formula.interpret import headings_compared, phi
-from scenegen.lang.formula.timed import MOST_VALUES, endless, split
-from scenegen.lang.spec import CheckedSpec, Region, Support, written
+from scenegen.lang.formula.timed import MAX_TIMED_VALUES, endless, split
+from scenegen.lang.spec import CheckedSpec, Region, Support, numbers_text
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse, plain_breaks, read_source
 from scenegen.lang.syntax.printer import print_expr
@@ -58,24 +67,24 @@ def check(source: Source, project: Project | None = None) -> CheckedSpec:
 def check_module(
     module: ast.Module,
     project: Project | None = None,
-    look: Look | None = None,
+    hook: LoweringHook | None = None,
     counts: Mapping[str, int] | None = None,
 ) -> CheckedSpec:
-    """Check what was parsed already. Raises SpecError as `check` does. `look` gets the lowering at work once all that
+    """Check what was parsed already. Raises SpecError as `check` does. `hook` gets the lowering at work once all that
     the spec declares is known; it may expand formulas of its own. `counts` are numbers of things that the spec draws;
     with those that it does not say the spec is a family, see `lang.check.families`."""
     given, project = counts or {}, project or Project()
-    draft = Draft(module, project, look, given)
-    spec, constant = _passed(draft), draft.constant
+    draft = Draft(module, project, hook, given)
+    spec, constant = _run_passes(draft), draft.constant
     if not spec.counts:
         never = [one for one in constant.values() if one.kind is IMPOSSIBLE_REQUIREMENT]
         if never:
-            raise SpecError(*(one.but(counted=written(given)) for one in never))
+            raise SpecError(*(one.but(counted=numbers_text(given)) for one in never))
         return spec
 
     def member(numbers: dict[str, int]) -> CheckedSpec:
         draft = Draft(module, project, None, {**given, **numbers})
-        made = _passed(draft)
+        made = _run_passes(draft)
         for key in constant.keys() - draft.constant.keys():
             del constant[key]
         return made
@@ -86,7 +95,7 @@ def check_module(
     return spec
 
 
-def _passed(draft: Draft) -> CheckedSpec:
+def _run_passes(draft: Draft) -> CheckedSpec:
     try:
         for one in PASSES:
             one(draft)
@@ -99,10 +108,6 @@ def refuse(draft: Draft) -> None:
     """Raises SpecError where anything was wrong so far: what follows would not know what to make of it."""
     if draft.problems:
         raise draft.problems.refusal(draft.source)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Names.
 
 
 def take_imports(draft: Draft) -> None:
@@ -122,10 +127,6 @@ def declare_names(draft: Draft) -> None:
     sources = {one.source.name: len(one.source.text) for one in draft.placed}
     characters = len(draft.source.text) + sum(sources.values())
     draft.lowering = FormulaLowering(draft.scope, CoreBuilder(()), characters)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Declarations: the workspace, objects, time, regions, and what objects stand on.
 
 
 def place_workspace(draft: Draft) -> None:
@@ -233,17 +234,13 @@ def stand_objects(draft: Draft) -> None:
     chosen = lowering.choices = choices(lowering, found, list(scope.things.values()))
     lowering.supports = {which: options[0] for which, options in found.items() if which not in chosen}
     lowering.builder.objects = (*names, *(f"{names[which]}.on" for which in chosen))
-    space = spread(draft.space, found, draft.fixed, [one.switch for one in chosen.values()])
-    outside = empty(space, spans, names)
+    space = support_boxes(draft.space, found, draft.fixed, [one.switch for one in chosen.values()])
+    outside = empty_supports(space, spans, names)
     draft.problems.extend(outside)
     if not outside:
         with draft.problems:
             draft.standing = standing_on(lowering, lowering.supports, spans)
         draft.space = space
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Constants: each has a value that no scene decides; those of the prelude only values that its relations can use.
 
 
 def check_constants(draft: Draft) -> None:
@@ -280,12 +277,8 @@ def _bad_override(declared: Declared, value: Value, lowering: Lowering) -> list[
     return []
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Formulas.
-
-
 def lower_formulas(draft: Draft) -> None:
-    """The core formulas of all labels, and of what is required; then of whatever `look` wants to know."""
+    """The core formulas of all labels, and of what is required; then of whatever `hook` wants to know."""
     if draft.problems:
         return
     scope = draft.scope
@@ -294,8 +287,8 @@ def lower_formulas(draft: Draft) -> None:
         draft.problems.append(NO_FREE_OBJECT(last.name.span(last.source)))
     draft.labels = _labels(draft)
     draft.requirement = _requirement(draft)
-    if draft.look is not None and not draft.problems:
-        draft.look(draft.lowering)
+    if draft.hook is not None and not draft.problems:
+        draft.hook(draft.lowering)
 
 
 def _labels(draft: Draft) -> dict[str, int]:
@@ -336,10 +329,10 @@ def _requirement(draft: Draft) -> int:
                     problem = clashing(lowering, part, lowering.supports, options)
                     if problem is not None:
                         raise SpecError(problem)
-                    part = relaxed(lowering, part, frozenset(draft.standing)) if declared else part
+                    part = without_supports(lowering, part, frozenset(draft.standing)) if declared else part
                     never = part == FALSE  # where heights and places are constants
                 if never:
-                    draft.refuse_constant(IMPOSSIBLE_REQUIREMENT(here, meant=meant(lowering, here)), -1.0)
+                    draft.refuse_constant(IMPOSSIBLE_REQUIREMENT(here, meant=find_remedy(lowering, here)), -1.0)
                 if part == FALSE:  # which no core has
                     part = builder.atom(builder.const(1.0), builder.const(0.0), here.text, BARE, (here,))
                 parts.append(part)
@@ -434,7 +427,7 @@ def split_time(draft: Draft) -> None:
     if lasts is None:
         return
     timed = draft.timed = split(draft.core, lasts, draft.moves, draft.lowering.builder.moving)
-    if len(timed.nodes) * lasts.moments > MOST_VALUES:
+    if len(timed.nodes) * lasts.moments > MAX_TIMED_VALUES:
         raise FormulaTooLarge(f"has too many formulas over time for {lasts.steps:,} steps")
     found, most = endless(timed), lasts.steps - 1
     for name, index in timed.labels.items() if draft.module.bare is None else ():
@@ -482,7 +475,10 @@ def _spec(draft: Draft) -> CheckedSpec:
     )
     alone = {one.name: one.least for one in scope.counts.values() if one.least == one.most}
     drawn = tuple(one for one in scope.counts.values() if one.name not in draft.counts and one.name not in alone)
-    noted = (*unused(draft.scope, draft.placed, draft.module.bare, draft.used, draft.lowering.used), *unlikely(draft))
+    noted = (
+        *find_unused(draft.scope, draft.placed, draft.module.bare, draft.used, draft.lowering.used),
+        *unlikely(draft),
+    )
     raised = bool(lowering.supports or lowering.choices)
     return CheckedSpec(
         draft.source.name,

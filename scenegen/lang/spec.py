@@ -158,10 +158,6 @@ class CheckedSpec:
         return lowest, highest
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# How high the objects of drawn scenes stand, where a spec declares it.
-
-
 def options_of(
     which: int, supports: Mapping[int, Support], choices: Mapping[int, SurfaceChoice]
 ) -> tuple[Support, ...]:
@@ -171,7 +167,7 @@ def options_of(
     return (supports[which],) if which in supports else ()
 
 
-def chosen(choice: SurfaceChoice, rows: Array) -> Index:
+def chosen_options(choice: SurfaceChoice, rows: Array) -> Index:
     """(n,): which option each scene has, counted from 0; `rows` are those of the core, (3M, n)."""
     return np.asarray(np.searchsorted(np.array(choice.ends[:-1]), rows[row_of(choice.switch, X)], side="right"))
 
@@ -213,12 +209,8 @@ def _level(spec: CheckedSpec, which: int, rows: Array, found: dict[int, Array]) 
         return np.full(count, known)
     options, choice = options_of(which, spec.supports, spec.choices), spec.choices.get(which)
     each = np.stack([one.height + (np.zeros(count) if one.carrier is None else found[one.carrier]) for one in options])
-    picked = np.zeros(count, dtype=np.intp) if choice is None else chosen(choice, rows)
+    picked = np.zeros(count, dtype=np.intp) if choice is None else chosen_options(choice, rows)
     return np.asarray(each[picked, np.arange(count)])
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The members of a spec that draws numbers of things, and where their rows are among those of all objects.
 
 
 class Picked(int):
@@ -243,7 +235,7 @@ def combinations(counts: Sequence[Count]) -> Iterator[dict[str, int]]:
         yield dict(zip(names, numbers, strict=True))
 
 
-def written(numbers: Mapping[str, int]) -> str:
+def numbers_text(numbers: Mapping[str, int]) -> str:
     """Numbers of things as a spec has them, assets as objects are called: `block[3] and mug:red`."""
     each = numbers.items()
     return " and ".join(f"{name}:{one.asset}" if isinstance(one, Picked) else f"{name}[{one}]" for name, one in each)

@@ -20,7 +20,7 @@ from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.learning import NOT_MEASURED, POOR_MODEL
 from scenegen.errors.requests import NO_TIME_TO_CHECK
-from scenegen.lang.formula.core import gated
+from scenegen.lang.formula.core import gate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn import guided
 from scenegen.learn.evaluation.card import CpuBudget, returned
@@ -163,7 +163,7 @@ def bound(checked: CheckedSpec, budget: CpuBudget) -> TrainedModel:
     """The weights that come with the package, as a model of this spec. Raises RequestError where phi of a label cannot
     vary, and StoppedError where time is up."""
     card, weights = shipped()
-    refuse_unknown(gated(checked.core), GraphHyper.model_validate(card.hyper).primitives)
+    refuse_unknown(gate(checked.core), GraphHyper.model_validate(card.hyper).primitives)
     ends = {label: _reach(checked, label, budget) for label in checked.labels}
     space = checked.workspace
     found = ModelCard(

@@ -25,9 +25,9 @@ from scenegen.errors.learning import (
 )
 from scenegen.errors.requests import MISSING_ARGUMENT
 from scenegen.geometry import NUMPY
-from scenegen.lang.formula.core import REQUIRE, gated
+from scenegen.lang.formula.core import REQUIRE, gate
 from scenegen.lang.formula.interpret import phi as score
-from scenegen.lang.spec import CheckedSpec, file_stem, members_of, written
+from scenegen.lang.spec import CheckedSpec, file_stem, members_of, numbers_text
 from scenegen.needs import need
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.files import ensure_folder, write_whole
@@ -190,7 +190,7 @@ def _load_family(path: Path, spec: Spec | None) -> ModelFamily:
     for numbers, member in found.members:
         file = model_file(path, numbers)
         if not file.exists():
-            raise DataError(NO_MODEL_OF_NUMBER(path=file, counted=written(numbers)))
+            raise DataError(NO_MODEL_OF_NUMBER(path=file, counted=numbers_text(numbers)))
         members[member.checked.sha256] = read_model(file, member)
     return ModelFamily(found, members)
 
@@ -228,7 +228,7 @@ def advice(model: Model, ranges: Mapping[str, Range], rows: Array | None, raw: b
         if raw:
             mine += beyond(one, ends)
             mine += [] if made is None else unmet(one, made)
-        found |= dict.fromkeys(each.but(counted=written(numbers)) if numbers else each for each in mine)
+        found |= dict.fromkeys(each.but(counted=numbers_text(numbers)) if numbers else each for each in mine)
     return tuple(found)
 
 
@@ -254,7 +254,7 @@ def beyond(model: Model, ends: Mapping[str, tuple[float | None, float | None]]) 
 
 def unmet(model: Model, rows: Array) -> list[Diagnostic]:
     """Raw scenes that break a requirement."""
-    core = gated(model.spec.checked.core)
+    core = gate(model.spec.checked.core)
     if REQUIRE not in core.labels:
         return []
     broken = int((np.broadcast_to(score(core, list(rows), NUMPY)[REQUIRE], rows.shape[1]) < 0.0).sum())

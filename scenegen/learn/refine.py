@@ -15,7 +15,7 @@ from torch import Tensor
 from scenegen.arrays import Array
 from scenegen.geometry.workspace import Workspace
 from scenegen.learn.robustness import Robustness
-from scenegen.pose import LENGTHS, THETA, TWO_PI, along, object_count
+from scenegen.pose import LENGTHS, THETA, along, object_count, wrap_heading
 from scenegen.search.effort import NEVER, Stop
 
 # The base distribution: every free object's centre uniform over the workspace, its heading over the circle.
@@ -37,14 +37,8 @@ def draw(lowest: Array, highest: Array, count: int, generator: torch.Generator) 
     rows = torch.rand(len(lowest), count, generator=generator, dtype=torch.float64)
     rows.mul_(high - low).add_(low)
     torch.minimum(rows, high, out=rows)
-    rows[along(THETA)] = wrap_heading(rows[along(THETA)])
+    rows[along(THETA)] = wrap_heading(torch, rows[along(THETA)])
     return rows
-
-
-def wrap_heading(theta: Tensor) -> Tensor:
-    """Headings wrapped to [0, 2 pi); where rounding gives 2 pi itself, the result is 0."""
-    theta = torch.remainder(theta, TWO_PI)
-    return torch.where(theta >= TWO_PI, torch.zeros_like(theta), theta)
 
 
 def clamp_to(workspace: Workspace, rows: Tensor, held: tuple[Tensor, Tensor] | None = None) -> Tensor:
@@ -56,7 +50,7 @@ def clamp_to(workspace: Workspace, rows: Tensor, held: tuple[Tensor, Tensor] | N
     for axis in LENGTHS:
         low, high = (torch.from_numpy(ends)[:, None].to(out) for ends in workspace.ends(axis, object_count(len(rows))))
         out[along(axis)] = out[along(axis)].clamp(low, high)
-    out[along(THETA)] = wrap_heading(out[along(THETA)])
+    out[along(THETA)] = wrap_heading(torch, out[along(THETA)])
     if held is not None:
         out[held[0]] = held[1][:, None]
     return out

@@ -12,7 +12,7 @@ from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.learning import FOLDER_OF_MODELS
 from scenegen.errors.requests import NO_TIME_TO_CHECK
-from scenegen.lang.spec import written
+from scenegen.lang.spec import numbers_text
 from scenegen.learn.model import Model, ModelFamily, family_files
 from scenegen.needs import need
 from scenegen.search.effort import effort_until as ends_at
@@ -119,7 +119,7 @@ def train(
                 member, file, resume and begun(file), None if logs is None else logs / file.stem
             )
         except RequestError as error:
-            raise RequestError(*(one.but(counted=written(numbers)) for one in error.diagnostics)) from None
+            raise RequestError(*(one.but(counted=numbers_text(numbers)) for one in error.diagnostics)) from None
     return ModelFamily(spec, members)
 
 

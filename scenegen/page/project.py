@@ -22,7 +22,7 @@ from scenegen.errors import DataError, RequestError, SpecError
 from scenegen.errors.files import DAMAGED_MOTIONS, WRONG_ENDING
 from scenegen.errors.program import NOT_OPENED
 from scenegen.errors.requests import NO_SCENES
-from scenegen.lang.spec import combinations, written
+from scenegen.lang.spec import combinations, numbers_text
 from scenegen.lang.syntax.parse import read_source
 from scenegen.learn.model import is_family, load_model
 from scenegen.needs import INSTALL, found
@@ -219,7 +219,7 @@ def stored_scenes(file: Path, together: int = 1) -> tuple[list[Part], Spec, Scen
         raise RequestError(NO_SCENES(file=file.name))
     parts = list(found.parts())
     most = max(1, most_scenes(len(found.objects)) // len(parts) // together) * together
-    names = {tuple(numbers.values()): written(numbers) for numbers in combinations(spec.definition.counts)}
+    names = {tuple(numbers.values()): numbers_text(numbers) for numbers in combinations(spec.definition.counts)}
     scenes: list[Part] = []
     for numbers, which in parts:
         member, numbers = with_numbers(spec, tuple(sorted(numbers.items())))

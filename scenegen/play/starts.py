@@ -20,7 +20,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.files import HELD_ELSEWHERE
 from scenegen.errors.learning import NOT_A_TASK
 from scenegen.geometry import NUMPY
-from scenegen.geometry.workspace import turned
+from scenegen.geometry.workspace import wrap_headings
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.needs import need
 from scenegen.play.tasks import PhiBox, Strategy
@@ -240,7 +240,7 @@ def phi_at(spec: Spec, start: Start, poses: Array) -> dict[str, float]:
     """phi of each label with the objects at `poses` (N, 3), in the spec's frame, on the surfaces of the start. Raises
     RequestError where an object that the spec holds is elsewhere."""
     checked = spec.checked
-    rows = turned(as_rows(poses[None]))
+    rows = wrap_headings(as_rows(poses[None]))
     moved = held_elsewhere(checked, rows, *HELD)
     if moved is not None:
         raise RequestError(HELD_ELSEWHERE(**fixed_pose_facts(checked, moved[0]), place="in the simulation"))

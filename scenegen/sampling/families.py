@@ -29,8 +29,8 @@ from scenegen.errors.requests import (
     TOO_FEW_MEET_REQUIREMENT,
     TOO_IMPROBABLE,
 )
-from scenegen.lang.formula.core import gated
-from scenegen.lang.spec import CheckedSpec, Picked, combinations, rows_among, written
+from scenegen.lang.formula.core import gate
+from scenegen.lang.spec import CheckedSpec, Picked, combinations, numbers_text, rows_among
 from scenegen.pose import X, along, row_count
 from scenegen.sampling.cells import Cells
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
@@ -198,7 +198,9 @@ class FamilyPlan(Plan):
         warnings = dict[Diagnostic, None]()
         for numbers, one in zip(self.numbers, accounts, strict=True):
             warnings |= dict.fromkeys(_name_numbers(one.warnings, numbers))
-        tried = "; ".join(f"{one.tried} with {written(mine)}" for mine, one in zip(self.numbers, accounts, strict=True))
+        tried = "; ".join(
+            f"{one.tried} with {numbers_text(mine)}" for mine, one in zip(self.numbers, accounts, strict=True)
+        )
         return Account(info, tried, tuple(warnings))
 
     def _account(self, member: int, tally: Tally) -> Account:
@@ -261,7 +263,7 @@ def seed_of(seed: int, numbers: Mapping[str, int]) -> int:
 
 def _name_numbers(warnings: Sequence[Diagnostic], numbers: Mapping[str, int]) -> Iterator[Diagnostic]:
     """Warnings of a member with its numbers; what is said of the request is the same for all members."""
-    return (one if one.kind is DOUBTFUL_POSE else one.but(counted=written(numbers)) for one in warnings)
+    return (one if one.kind is DOUBTFUL_POSE else one.but(counted=numbers_text(numbers)) for one in warnings)
 
 
 def plan_numbers(
@@ -293,7 +295,7 @@ def plan_numbers(
             if first.kind not in NO_SCENE_KINDS and (first.kind not in NOT_FOUND_KINDS or budget.spent):
                 if not budget.spent:
                     raise
-                raise RequestError(*(one.but(counted=written(mine)) for one in error.diagnostics)) from None
+                raise RequestError(*(one.but(counted=numbers_text(mine)) for one in error.diagnostics)) from None
             left_out.append((mine, first.title))
             reasons.append(first)
             continue
@@ -301,7 +303,7 @@ def plan_numbers(
         plans.append(plan)
     if not plans:
         mine, why = left_out[0]
-        raise RequestError(NO_NUMBER_POSSIBLE(reasons[0].span, counted=written(mine), why=why))
+        raise RequestError(NO_NUMBER_POSSIBLE(reasons[0].span, counted=numbers_text(mine), why=why))
     if left_out:
         plans = [_with_count(plan, -(-request.n // len(plans))) for plan in plans]
     plans = [last(plan) for plan in plans]
@@ -331,7 +333,7 @@ def _problem(
     """The request as the engine sees it: its storage has all objects, its cells are those of all members."""
     lowest, highest, fixed = hold_fixed(spec, request.fix)
     first = plans[0].problem
-    names = tuple(map(written, numbers))
+    names = tuple(map(numbers_text, numbers))
     own = first.cells
     each = tuple(plan.problem.cells for plan in plans)
     cells = NumberedCells(own.labels, own.bounded, own.edges, own.low, own.high, each, names)
@@ -340,11 +342,11 @@ def _problem(
     improbable = frozenset(start + cell for start, one in members for cell in one.improbable)
     warnings = dict[Diagnostic, None]()
     for mine, why in left_out:
-        warnings[NUMBER_LEFT_OUT(counted=written(mine), why=why)] = None
+        warnings[NUMBER_LEFT_OUT(counted=numbers_text(mine), why=why)] = None
     for mine, plan in zip(numbers, plans, strict=True):
         warnings |= dict.fromkeys(_name_numbers(plan.problem.warnings, mine))
     return replace(
-        first, spec=spec, core=gated(spec.core), lowest=lowest, highest=highest, request=replace(request, fix=fixed),
+        first, spec=spec, core=gate(spec.core), lowest=lowest, highest=highest, request=replace(request, fix=fixed),
         cells=cells, possible=possible, improbable=improbable, warnings=tuple(warnings),
     )  # fmt: skip
 
@@ -363,7 +365,7 @@ def _why(plans: Sequence[Plan], numbers: Sequence[dict[str, int]]) -> str | None
         return None
     chosen: dict[str, list[str]] = {}
     for plan, mine in zip(plans, numbers, strict=True):
-        chosen.setdefault(plan.method, []).append(written(mine))
+        chosen.setdefault(plan.method, []).append(numbers_text(mine))
     if len(chosen) == 1:
         return f"{plans[0].method} for each"
     return "; ".join(f"{method} for {', '.join(names)}" for method, names in chosen.items())

@@ -17,7 +17,7 @@ from scenegen.arrays import Array, Bool, Index
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.declarations import NO_NUMBER_POSSIBLE, NUMBER_LEFT_OUT
 from scenegen.errors.requests import CANNOT_MOVE_SO_MANY, TOO_FEW_MOTIONS
-from scenegen.lang.spec import CheckedSpec, combinations, rows_among, written
+from scenegen.lang.spec import CheckedSpec, combinations, numbers_text, rows_among
 from scenegen.pose import PLACE, along, row_count, row_of, rows_of
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.families import NO_SCENE_KINDS, NOT_FOUND_KINDS, assets_of, seed_of
@@ -226,7 +226,7 @@ def draw_numbered(spec: CheckedSpec, request: SampleRequest, budget: Budget, dra
         if not left:
             first = min(without)
             why = without[first]
-            raise RequestError(NO_NUMBER_POSSIBLE(why.span, counted=written(everything[first]), why=why.title))
+            raise RequestError(NO_NUMBER_POSSIBLE(why.span, counted=numbers_text(everything[first]), why=why.title))
         shares = _shares(max(request.n, 1), left)
         todo = [one for one, share in sorted(shares.items()) if share and _count(found.get(one)) != share]
         if not todo:
@@ -250,7 +250,9 @@ def draw_numbered(spec: CheckedSpec, request: SampleRequest, budget: Budget, dra
             {"numbers": everything[one], **assets_of(everything[one]), "reason": without[one].title}
             for one in sorted(without)
         ]
-    warnings = (NUMBER_LEFT_OUT(counted=written(everything[one]), why=without[one].title) for one in sorted(without))
+    warnings = (
+        NUMBER_LEFT_OUT(counted=numbers_text(everything[one]), why=without[one].title) for one in sorted(without)
+    )
     return NumberedPairs(pairs, info, tuple(warnings))
 
 
@@ -286,7 +288,7 @@ def _member(
             return first
         if first.kind not in (*NOT_FOUND_KINDS, TOO_FEW_MOTIONS) and not budget.spent:
             raise
-        raise RequestError(*(one.but(counted=written(numbers)) for one in error.diagnostics)) from None
+        raise RequestError(*(one.but(counted=numbers_text(numbers)) for one in error.diagnostics)) from None
 
 
 def _widen(spec: CheckedSpec, member: CheckedSpec, pairs: Pairs) -> Pairs:

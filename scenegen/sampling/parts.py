@@ -18,7 +18,7 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.lang.formula.core import REQUIRE, Core, Junction, Node, part_of
-from scenegen.pose import BELOW_TURN, THETA, along, rows_of, span_of
+from scenegen.pose import keep_below_turn, rows_of, span_of
 from scenegen.sampling.growth.graph import components, make_graph, objects_by_node
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Problem, narrow_problem
@@ -227,7 +227,7 @@ class ProductPlan(Plan):
                 mine.add(row)
         for row in sorted(set(range(len(lowest))) - mine):  # no clause reads them
             rows[row] = lowest[row] + rng.random(count) * (highest[row] - lowest[row])
-        np.minimum(rows[along(THETA)], BELOW_TURN, out=rows[along(THETA)])
+        keep_below_turn(rows)
         with np.errstate(all="ignore"):  # as in the parts' own plans
             phi = self.problem.phi(rows)
         return Piece(rows, phi, self.cells.find(phi), self._together([one.facts for one in made]))

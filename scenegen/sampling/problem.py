@@ -15,7 +15,7 @@ from scenegen.arrays import Array, as_numbers
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import ALL_HELD, CANNOT_BE_HELD, NO_TIME_TO_CHECK, NOT_A_POSE, UNKNOWN_OBJECT
 from scenegen.geometry import NUMPY
-from scenegen.lang.formula.core import Core, gated, read_rows
+from scenegen.lang.formula.core import Core, gate, read_rows
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_count, row_of, span_of
@@ -52,7 +52,7 @@ DRAWING_COST = 16  # cost of drawing, sorting into cells and verifying, in nodes
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A checked request, with all that plans need from its spec. `core` and `cells` are over the gated core: if the
+    """A checked request, with all that plans need from its spec. `core` and `cells` are over the gate core: if the
     spec requires something, the requirement's margin is an additional label, the last, with the range 0 and above.
     `lowest` and `highest` (3N,) are the box of poses; their rows are equal for an object that the spec or the request
     fixes. `possible` are the cells that scenes are looked for in; of those that are not, bounds prove all but the
@@ -161,7 +161,7 @@ def make_problem(
     effort = effort or (Effort() if budget is None else Effort(lambda: budget.overdrawn))
     try:
         lowest, highest, fixed = hold_fixed(spec, request.fix)
-        core = gated(spec.core)
+        core = gate(spec.core)
         low, high = label_bounds(spec.core, lowest, highest, effort)
         bounds = dict(zip(spec.core.labels, zip(low.tolist(), high.tolist(), strict=True), strict=True))
         tape = make_tape(core, lowest, highest, effort)

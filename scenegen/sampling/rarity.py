@@ -23,7 +23,7 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.geometry import NUMPY
 from scenegen.geometry.footprint import Circle
-from scenegen.lang.formula.core import REQUIRE, Apply, Core, gated, part_of
+from scenegen.lang.formula.core import REQUIRE, Apply, Core, gate, part_of
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.sampling.cells import Cells
@@ -222,14 +222,14 @@ def measure(
     conditional on the core's requirement. The same arguments give the same numbers. `work` is the effort, in visits of
     nodes. Where `stop` raises StoppedError, runs end with what they have, and labels that were not begun are left out;
     it is raised again if there are none. Raises whatever else `stop` raises."""
-    core = gated(core)
+    core = gate(core)
     base: _Base | None = None
     required: Estimate | None = None
     spent = 0
-    gate = (REQUIRE,) if REQUIRE in core.labels else ()
-    count = _chains([part_of(core, (label, *gate)) for label in labels], lowest, highest, work)
-    if gate:
-        base, best = _require(part_of(core, gate), lowest, highest, count, seed, work, stop)
+    gates = (REQUIRE,) if REQUIRE in core.labels else ()
+    count = _chains([part_of(core, (label, *gates)) for label in labels], lowest, highest, work)
+    if gates:
+        base, best = _require(part_of(core, gates), lowest, highest, count, seed, work, stop)
         spent = base.evaluations
         if not base.weights.any():
             return RequirementUnmet(best, spent)
@@ -240,7 +240,7 @@ def measure(
         if not make_chain_state(alone, lowest, highest).dimension:
             reaches[label] = constant_phi(float(evaluate(alone, list(lowest), NUMPY)[label]))
             continue
-        one = part_of(core, (label, *gate))
+        one = part_of(core, (label, *gates))
         rng = np.random.Generator(np.random.SFC64(np.random.SeedSequence([seed, RARITY_STREAM, 1 + index])))
         try:
             start, weights = _begin(make_chain_state(one, lowest, highest), base, count, rng, stop)
@@ -260,10 +260,10 @@ def needs_growth(spec: CheckedSpec, labels: Sequence[str]) -> bool:
     hardly ever change, or if phi takes long to compute."""
     if spec.choices:
         return True
-    core, (lowest, highest) = gated(spec.core), spec.box()
-    gate = (REQUIRE,) if REQUIRE in core.labels else ()
+    core, (lowest, highest) = gate(spec.core), spec.box()
+    gates = (REQUIRE,) if REQUIRE in core.labels else ()
     for label in labels:
-        one = part_of(core, (label, *gate))
+        one = part_of(core, (label, *gates))
         dimension = make_chain_state(one, lowest, highest).dimension
         moves = MOVES_PER_LEVEL * max_moves(max(1, dimension)) * MIN_LEVELS
         if (

@@ -13,7 +13,7 @@ from scenegen.errors.declarations import NUMBERS_IN_FILE
 from scenegen.errors.files import DOUBTFUL_POSE, HELD_ELSEWHERE, NO_SURFACE_GIVEN, OTHER_SPEC, SCENE_NOT_ALLOWED
 from scenegen.geometry import NUMPY
 from scenegen.geometry.workspace import Workspace
-from scenegen.lang.formula.core import REQUIRE, gated
+from scenegen.lang.formula.core import REQUIRE, gate
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import NAMES, PLACE, THETA, TWO_PI, X, along, row_count, row_of, rows_of, span_of
@@ -124,7 +124,7 @@ def check_scenes(spec: CheckedSpec, rows: Array, before: int = 0) -> None:
             raise DataError(SCENE_NOT_ALLOWED(name=spec.objects[int(index)], scene=before + int(scene) + 1))
     if spec.core.requirement is None:
         return
-    margin = np.broadcast_to(score(gated(spec.core), list(rows), NUMPY)[REQUIRE], rows.shape[1])
+    margin = np.broadcast_to(score(gate(spec.core), list(rows), NUMPY)[REQUIRE], rows.shape[1])
     if (margin < -UNMET).any():
         first = before + int((margin < -UNMET).argmax())
         raise DataError(SCENE_NOT_ALLOWED(scene=first + 1))

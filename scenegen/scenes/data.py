@@ -30,7 +30,7 @@ from scenegen.errors import DataError
 from scenegen.errors.files import OTHER_SURFACE, SIZE_IN_FILE
 from scenegen.geometry import Box, Circle, Footprint, Polygon
 from scenegen.geometry.footprint import is_convex, signed_area
-from scenegen.geometry.workspace import FARTHEST, SMALLEST, WIDEST
+from scenegen.geometry.workspace import MAX_COORDINATE, MAX_WORKSPACE_WIDTH, SMALLEST
 from scenegen.pose import row_count
 
 if TYPE_CHECKING:
@@ -383,7 +383,7 @@ class SettledHeader(_StrictSceneModel):
     surfaces: dict[str, list[str]] = Field(default_factory=dict, exclude_if=not_)
 
 
-def check_sizes(header: SceneFile, largest: float = WIDEST) -> None:
+def check_sizes(header: SceneFile, largest: float = MAX_WORKSPACE_WIDTH) -> None:
     """Refuse what no spec can say: numbers beyond all measure, shapes without a volume, a workspace without an area;
     and objects that measure more than `largest` metres. Raises DataError."""
     (x0, x1), (y0, y1) = header.workspace.x, header.workspace.y
@@ -394,8 +394,8 @@ def check_sizes(header: SceneFile, largest: float = WIDEST) -> None:
         raise DataError(SIZE_IN_FILE(what="the workspace", size=size, how="wide", limits=limits))
     places = [x0, x1, y0, y1]
     places += [value for region in header.regions for value in (region.pose.x, region.pose.y)]
-    if max(map(abs, places)) > FARTHEST:
-        facts = {"size": max(map(abs, places)), "how": "away", "limits": f"{FARTHEST:,.0f} m are the most"}
+    if max(map(abs, places)) > MAX_COORDINATE:
+        facts = {"size": max(map(abs, places)), "how": "away", "limits": f"{MAX_COORDINATE:,.0f} m are the most"}
         raise DataError(SIZE_IN_FILE(what="the workspace or a region", **facts))
     for one in header.objects:
         lengths = *footprint_of(one.shape.footprint).extent, one.shape.height
@@ -405,8 +405,8 @@ def check_sizes(header: SceneFile, largest: float = WIDEST) -> None:
             raise DataError(SIZE_IN_FILE(what=f"`{one.name}`", size=size, how="large", limits=limits))
     for region in header.regions:
         size = max(footprint_of(region.footprint).extent)
-        if not size <= WIDEST:
-            facts = {"size": size, "how": "large", "limits": f"{WIDEST:,.0f} m are the most"}
+        if not size <= MAX_WORKSPACE_WIDTH:
+            facts = {"size": size, "how": "large", "limits": f"{MAX_WORKSPACE_WIDTH:,.0f} m are the most"}
             raise DataError(SIZE_IN_FILE(what=f"the region `{region.name}`", **facts))
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.arrays import Array
-from scenegen.lang.formula.core import Coord, Junction, restricted
+from scenegen.lang.formula.core import Coord, Junction, restrict
 from scenegen.pose import PLACE, row_of
 from scenegen.search.effort import PYTHON_WORK, Effort
 from scenegen.search.grid import (
@@ -369,10 +369,10 @@ def _grid(
     # rows that are sums along the forest keep within the workspace, so they are part of what is contracted
     hanging = [tape.rows[row] for row in forest.up if {forest.up[row][1]} & inside]
     wanted = [*names, *(one.node for one in demands), *hanging]
-    nodes, number = restricted(tape.nodes, wanted)
+    nodes, number = restrict(tape.nodes, wanted)
     loops = [loop for loop in tape.loops if tape.support(loop) <= number.keys()]
     if loops:
-        nodes, number = restricted(tape.nodes, [*wanted, *loops])
+        nodes, number = restrict(tape.nodes, [*wanted, *loops])
     old = list(number)
     what = Coupled(
         nodes,

@@ -191,14 +191,3 @@ def test_explain(codes, capfd):
     assert set(re.findall(r"^  ([a-z0-9-]+) ", capfd.readouterr().out, re.MULTILINE)) == set(CATALOG)
     assert run(["explain", "unknown-relatoin"]) == 1
     assert "did you mean `unknown-relation`?" in capfd.readouterr().err
-
-
-def test_former_codes_are_explained_and_belong_to_one_kind(capfd):
-    from scenegen.cli.app import run
-
-    former = [(old, code) for code, entry in CATALOG.items() for old in entry.kind.formerly]
-    olds = [old for old, _ in former]
-    assert len(set(olds)) == len(olds) and not set(olds) & set(CATALOG)
-    for old, code in former:
-        assert run(["explain", old]) == 0
-        assert f"[{code}]" in capfd.readouterr().out.splitlines()[0]

@@ -22,7 +22,7 @@ from scenegen.errors import Diagnostic, SpecError, render, to_json
 from scenegen.errors.declarations import SPEC_TOO_LARGE
 from scenegen.geometry import NUMPY
 from scenegen.lang.checker import check_file, check_text
-from scenegen.lang.formula.core import Atom, Core, Junction, gated
+from scenegen.lang.formula.core import Atom, Core, Junction, gate
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax.parse import parse_tolerant, read_source
@@ -222,7 +222,7 @@ def without_places(core: Core) -> Core:
 
 def scored(spec: CheckedSpec, rng: random.Random) -> None:
     """The scalar oracle, numpy and the interval bounds agree on a few scenes. Raises Fault."""
-    core = gated(spec.core)
+    core = gate(spec.core)
     ends = set(core.labels.values())
     lowest, highest = spec.box()
     with np.errstate(all="ignore"):

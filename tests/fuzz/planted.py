@@ -18,7 +18,7 @@ from scenegen.errors import RequestError, SpecError
 from scenegen.errors.requests import BEYOND_BOUNDS, NO_SUCH_SCENE, TABLE_TOO_FULL
 from scenegen.geometry import NUMPY
 from scenegen.lang.checker import check_text
-from scenegen.lang.formula.core import REQUIRE, gated
+from scenegen.lang.formula.core import REQUIRE, gate
 from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec, combinations
 from scenegen.sampling.growth.graph import make_graph
@@ -171,7 +171,7 @@ class Planter:
         member, numbers = self.spec(*lines)
         found = {
             name: float(np.ravel(value)[0])
-            for name, value in phi(gated(member.core), list(self.rows[:, None]), NUMPY).items()
+            for name, value in phi(gate(member.core), list(self.rows[:, None]), NUMPY).items()
         }
         return Planted("\n".join([*self.declared, *lines]) + "\n", member, self.rows, found, numbers, margin)
 
@@ -186,7 +186,7 @@ def planted(seed: int) -> Planted:
 def wrong_proofs(made: Planted, work: float = 3e7) -> list[str]:
     """Who says that no scene can satisfy a planted spec, or lie close to the phi of its scene: the places at which
     scenegen proves such things, one after another."""
-    found, core = [], gated(made.member.core)
+    found, core = [], gate(made.member.core)
     bounds = spec_bounds(made.member)
     found += [f"bounds of {name}" for name, (low, high) in bounds.items() if not low <= made.phi[name] <= high]
     satisfied = {name: Range(0.0) for name in bounds if made.phi[name] >= 0.0}

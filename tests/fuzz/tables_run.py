@@ -28,7 +28,7 @@ import numpy as np
 import scenegen
 from scenegen.api.scenes import evaluate, requirement
 from scenegen.geometry import NUMPY
-from scenegen.lang.formula.core import REQUIRE, gated
+from scenegen.lang.formula.core import REQUIRE, gate
 from scenegen.lang.formula.interpret import phi
 
 from .tables import Table, table
@@ -155,7 +155,7 @@ def _verify(case: Table, out: Path) -> tuple[str, str]:
 def _plain(case: Table) -> str:
     """Uniform scenes for a while: whether any is in range after all."""
     checked = scenegen.parse(case.text).checked
-    core, rng = gated(checked.core), np.random.default_rng(0)
+    core, rng = gate(checked.core), np.random.default_rng(0)
     low, high = (end[:, None] for end in checked.box())
     ranges = {**case.ranges, REQUIRE: (0.0, None)}
     begun, drawn = time.process_time(), 0

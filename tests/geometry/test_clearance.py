@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
 from scenegen.geometry import MATH, NUMPY, POINT, PRIMITIVES, Box, Circle, Interval, Polygon
-from scenegen.geometry.footprint import area, centroid, clipped, convex_hull, is_convex, measures, signed_area
+from scenegen.geometry.footprint import area, centroid, clip, convex_hull, is_convex, measures, signed_area
 from scenegen.learn.robustness.compile import TORCH
 
 from ..laws import examples
@@ -495,11 +495,11 @@ def test_far_from_the_origin():
 
 def test_what_a_polygon_and_a_rectangle_share():
     square = ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))
-    assert clipped(square, (-1.0, -1.0, 3.0, 3.0)) == square
-    assert signed_area(clipped(square, (1.0, -1.0, 3.0, 1.0))) == 1.0
-    assert signed_area(clipped(((0.0, 0.0), (2.0, 0.0), (0.0, 2.0)), (0.0, 0.0, 1.0, 1.0))) == 1.0
-    assert len(clipped(((0.0, 0.0), (2.0, 0.0), (0.0, 2.0)), (0.0, 0.0, 1.5, 1.5))) == 5
-    assert clipped(square, (2.5, 0.0, 3.0, 1.0)) == ()
+    assert clip(square, (-1.0, -1.0, 3.0, 3.0)) == square
+    assert signed_area(clip(square, (1.0, -1.0, 3.0, 1.0))) == 1.0
+    assert signed_area(clip(((0.0, 0.0), (2.0, 0.0), (0.0, 2.0)), (0.0, 0.0, 1.0, 1.0))) == 1.0
+    assert len(clip(((0.0, 0.0), (2.0, 0.0), (0.0, 2.0)), (0.0, 0.0, 1.5, 1.5))) == 5
+    assert clip(square, (2.5, 0.0, 3.0, 1.0)) == ()
 
 
 @given(st.lists(st.tuples(coordinates, coordinates), min_size=3, max_size=12))
@@ -508,7 +508,7 @@ def test_what_is_shared_is_what_shapely_says(points):
         hull = convex_hull(points)
     except ValueError:
         return
-    shared = clipped(hull.vertices, (-0.5, -0.25, 0.5, 0.75))
+    shared = clip(hull.vertices, (-0.5, -0.25, 0.5, 0.75))
     expected = shapely.Polygon(hull.vertices).intersection(shapely.box(-0.5, -0.25, 0.5, 0.75)).area
     assert (signed_area(shared) if len(shared) > 2 else 0.0) == pytest.approx(expected, abs=1e-9)
     assert all(-0.5 - 1e-9 <= x <= 0.5 + 1e-9 and -0.25 - 1e-9 <= y <= 0.75 + 1e-9 for x, y in shared)

@@ -12,7 +12,7 @@ import torch
 from scenegen.geometry import ANGLE, BARE, LENGTH, MATH, NUMPY, PRIMITIVES, Box, Circle, Interval, Unit, UnitMismatch
 from scenegen.geometry import interval as iv
 from scenegen.geometry.namespace import turning
-from scenegen.geometry.primitives import agree, over, quantity, times
+from scenegen.geometry.primitives import agree, divide_units, quantity, times
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.learn.robustness.compile import TORCH
@@ -174,7 +174,7 @@ def test_units_in_words():
         "an area",
     ]
     assert Unit(1, -1).words == "a quantity in m rad^-1" and str(Unit(2, 1)) == "m^2 rad" and str(BARE) == ""
-    assert agree() == BARE and times(LENGTH, ANGLE) == Unit(1, 1) and over(LENGTH, ANGLE) == Unit(1, -1)
+    assert agree() == BARE and times(LENGTH, ANGLE) == Unit(1, 1) and divide_units(LENGTH, ANGLE) == Unit(1, -1)
     assert quantity("25", "cm") == (0.25, LENGTH) and quantity("0.25", "turn") == (math.pi / 2, ANGLE)
 
 

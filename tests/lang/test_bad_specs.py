@@ -12,7 +12,18 @@ import pytest
 import scenegen
 from scenegen.errors import SpecError
 from scenegen.lang.checker import check
-from scenegen.lang.syntax.foreign import BODY, COLOR, COUNTING, LYING, PRIOR, RELATIONS, SEEN, SIZES, of_relation, plain
+from scenegen.lang.syntax.foreign import (
+    BODY_HELP,
+    CAMERA_HELP,
+    COLOR,
+    COUNTING,
+    LYING,
+    PRIOR,
+    RELATIONS,
+    SIZES_HELP,
+    of_relation,
+    plain,
+)
 from scenegen.lang.syntax.parse import read_source
 
 from ..corpus import GOLDEN, read_corpus
@@ -163,8 +174,8 @@ HELPS = {
     "right_of(mug, plate)": "did you mean `rightOf`?",
     "to_the_left_of(mug, plate)": "write leftOf(mug, plate)",
     "distance(mug, plate) <= 0.2": "write dist(mug, plate)",
-    "visible(mug)": SEEN,
-    "occluded(mug, plate)": SEEN,
+    "visible(mug)": CAMERA_HELP,
+    "occluded(mug, plate)": CAMERA_HELP,
     "reachable(mug)": "write closeTo(mug, (0.5, -0.2), 0.7 m)",
     "graspable(mug)": "forall q in others(mug): gap(mug, q) >= 3 cm",
     "collisionFree(mug, plate)": "write noCollision()",
@@ -172,7 +183,7 @@ HELPS = {
     "parallel(mug, plate)": "abs(sin(theta(mug) - theta(plate))) <= 0.1",
     "contains(tray, mug)": "write inside(mug, tray)",
     "in(mug, tray)": "write inside(a, b)",
-    "width(mug) <= 0.2": SIZES.format(a="mug", b="b"),
+    "width(mug) <= 0.2": SIZES_HELP.format(a="mug", b="b"),
     "x(mug) <= normal(0.4, 0.1)": PRIOR,
     "object mug at uniform(0, 1), b\ntask: leftOf(b, mug)": PRIOR,
     "object mug at random\ntask: x(mug) <= 0.5": PRIOR,
@@ -185,9 +196,9 @@ HELPS = {
     "task: 0.7 * leftOf(mug, plate) + 0.3 * rightOf(mug, plate)": "scenegen explain not-here",
     "object mug color red\ntask: x(mug) <= 1": COLOR,
     'object a = box(1 cm, 1 cm, 1 cm) color "red"\ntask: x(a) <= 1': COLOR,
-    "object a mass 0.3\ntask: x(a) <= 1": BODY,
+    "object a mass 0.3\ntask: x(a) <= 1": BODY_HELP,
     "object a roll 90 deg\ntask: x(a) <= 1": LYING,
-    "camera front at (0, 0)\ntask: leftOf(a, b)": SEEN,
+    "camera front at (0, 0)\ntask: leftOf(a, b)": CAMERA_HELP,
     "seed 3\ntask: leftOf(a, b)": "an option of `scenegen sample`",
     "task = leftOf(mug, plate)": "write `task: ...`",
     "object mug, plate\ntask = leftOf(mug, plate)": "write `task: ...`",

@@ -13,7 +13,7 @@ import scenegen
 from scenegen.errors import DataError, RequestError, ScenegenError, Source, SpecError
 from scenegen.geometry import Box, Circle, Polygon
 from scenegen.lang.checker import check_module, check_text
-from scenegen.lang.spec import combinations, members_of, written
+from scenegen.lang.spec import combinations, members_of, numbers_text
 from scenegen.lang.syntax.parse import parse
 
 from .worth import alike, problems, worth
@@ -239,7 +239,7 @@ def test_each_member_has_one_asset_and_the_spec_has_all():
     assert spec.assets == {"mug": ("red", "blue", "green")} and spec.counts == {"mug": (1, 3)}
     assert [one.objects for one in checked.members] == [(f"mug:{name}", "plate") for name in ("red", "blue", "green")]
     assert [one.shapes[0].height for one in checked.members] == [0.2, 0.1, 0.1]
-    assert list(map(written, combinations(checked.counts))) == ["mug:red", "mug:blue", "mug:green"]
+    assert list(map(numbers_text, combinations(checked.counts))) == ["mug:red", "mug:blue", "mug:green"]
     again = scenegen.parse(spec.source)
     assert again.source == spec.source and again.definition.shapes == checked.shapes
 

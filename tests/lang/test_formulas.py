@@ -19,7 +19,7 @@ import scenegen
 from scenegen import parse
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.lang.checker import check_text
-from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, children, gated, last_uses
+from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, children, gate, last_uses
 from scenegen.lang.formula.interpret import (
     Algebra,
     deciding_atom,
@@ -228,7 +228,7 @@ def scenes_gap(spec, count, width, seed=0):
 
 
 def both_gap(spec, rows):
-    core = gated(spec.checked.core)
+    core = gate(spec.checked.core)
     all_of_them = evaluate(core, rows, NUMPY)
     few = evaluate(core, rows, NUMPY, needed=core.labels.values())
     assert sum(value is None for value in few) == len(find_groups(core, core.labels.values()).skipped) > 0
@@ -255,11 +255,11 @@ def test_places_that_are_none_give_none(count):
 
 
 def test_what_is_needed_is_computed():
-    core = gated(parse(SPECS["boxes"]).checked.core)
+    core = gate(parse(SPECS["boxes"]).checked.core)
     everything = find_groups(core, core.labels.values()).skipped
     one = min(everything)
     negated = parse(SPECS["boxes"] + "\nother: !noOverlap()").checked.core  # reads all gaps, of which it takes the most
-    assert not find_groups(gated(negated), gated(negated).labels.values()).skipped
+    assert not find_groups(gate(negated), gate(negated).labels.values()).skipped
     assert one not in find_groups(core, [*core.labels.values(), one]).skipped
 
 
@@ -267,7 +267,7 @@ def test_few_gaps_and_one_scene_are_computed_as_they_are():
     few = parse("object a[4] = box(9 cm, 4 cm, 5 cm)\ntask: noOverlap()")
     assert not find_groups(few.checked.core, few.checked.core.labels.values()).by_node
     spec = parse(SPECS["boxes"])
-    core = gated(spec.checked.core)
+    core = gate(spec.checked.core)
     values = evaluate(core, scenes_gap(spec, 1, 0.3), NUMPY, needed=core.labels.values())
     assert not any(value is None for value in values)
 

@@ -160,7 +160,7 @@ def test_a_spec_that_is_a_link_reads_beside_its_file(files):
 
 
 def test_long_chains_many_files_and_large_ones(files, monkeypatch):
-    monkeypatch.setattr(imports, "MAX_FILES", 50)
+    monkeypatch.setattr(imports, "MAX_IMPORTED_FILES", 50)
     for number in range(60):
         files.write(**{f"c{number}": f'import "c{number + 1}.spec"', f"f{number}": f"const F{number} = 1"})
     files.write(c60="const Z = 1", c51="const Z = 1")

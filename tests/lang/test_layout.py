@@ -17,7 +17,7 @@ from scenegen.errors import Source, SpecError
 from scenegen.lang.checker import check_text
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
-from scenegen.lang.syntax.printer import DEEPEST, WIDTH, expand, flat, format_source, print_module
+from scenegen.lang.syntax.printer import MAX_INDENT, PRINT_WIDTH, expand, flat, format_source, print_module
 from scenegen.lang.syntax.tokens import scan
 
 from ..laws import FULL, examples, in_full_again
@@ -95,14 +95,14 @@ def test_a_long_formula(tree, length):
     printed = print_module(ast.Module(NOWHERE, (ast.Label(ast.Name("task"), tree),), None)).replace("a", name)
     once = obeys_the_laws(printed.replace("t" + name + "sk", "task"))
     for line in once.splitlines():
-        assert len(line) <= WIDTH or len(line.split(name, 1)[0].strip()) < length + 12
+        assert len(line) <= PRINT_WIDTH or len(line.split(name, 1)[0].strip()) < length + 12
 
 
 @settings(max_examples=examples(70), deadline=None, derandomize=True)
 @given(files)
 def test_what_fits_a_line_is_printed_as_in_the_canonical_text(module):
     canonical = print_module(module)
-    if all(len(line) <= WIDTH for line in canonical.splitlines()):
+    if all(len(line) <= PRINT_WIDTH for line in canonical.splitlines()):
         assert formatted(canonical) == canonical
 
 
@@ -197,7 +197,7 @@ def test_deep_and_long_formulas_take_linear_time_and_room(text):
     began = time.process_time()
     once = formatted("task: " + text)
     assert time.process_time() - began < 30.0
-    assert len(once) < (DEEPEST + 40) * len(text)
+    assert len(once) < (MAX_INDENT + 40) * len(text)
     assert formatted(once) == once
 
 

@@ -78,7 +78,7 @@ def test_the_grammar_is_free_of_conflicts():
 @pytest.mark.long
 @pytest.mark.parametrize("timed", [False, True])
 def test_the_finished_tables_are_those_of_the_grammar(timed, derived):
-    derived(f"grammar/{tables.TABLES[timed]}", tables.serialize(tables.grammar_text(timed)))
+    derived(f"grammar/{tables.PARSER_TABLES[timed]}", tables.serialize(tables.grammar_text(timed)))
 
 
 def test_what_the_grammar_has_of_time():
@@ -96,7 +96,7 @@ def stale(tmp_path, monkeypatch):
     def spoil(text):
         (tmp_path / "spec.lark").write_text(GRAMMAR, encoding="utf-8")
         if text is not None:
-            (tmp_path / tables.TABLES[False]).write_text(text, encoding="utf-8")
+            (tmp_path / tables.PARSER_TABLES[False]).write_text(text, encoding="utf-8")
         tables._finished.cache_clear()
         _parser.cache_clear()
         monkeypatch.setattr(tables, "grammar_file", tmp_path.joinpath)
@@ -111,7 +111,7 @@ def stale(tmp_path, monkeypatch):
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["other fingerprint", "missing", "garbage", "not even an object", "no data"])
 def test_tables_that_do_not_fit_are_passed_over(kind, stale):
-    held = json.loads((ROOT / "grammar" / tables.TABLES[False]).read_text(encoding="utf-8"))
+    held = json.loads((ROOT / "grammar" / tables.PARSER_TABLES[False]).read_text(encoding="utf-8"))
     spoilt = {
         "other fingerprint": json.dumps(held | {"fingerprint": "0" * 64}),
         "missing": None,

@@ -16,10 +16,10 @@ from scenegen.errors import Source, SpecError
 from scenegen.geometry import NUMPY, Box, Circle, Polygon
 from scenegen.geometry.footprint import standing_area
 from scenegen.lang.checker import check_text
-from scenegen.lang.formula.core import Atom, gated, part_of
+from scenegen.lang.formula.core import Atom, gate, part_of
 from scenegen.lang.formula.interpret import phi
 from scenegen.lang.formula.interpret import phi as evaluate
-from scenegen.lang.spec import chosen
+from scenegen.lang.spec import chosen_options
 from scenegen.lang.syntax.printer import format_source
 from scenegen.pose import X, row_of
 from scenegen.search import spec_bounds
@@ -390,7 +390,7 @@ def test_phi_and_requirement_are_those_of_the_spec_with_the_surfaces_chosen():
         plain = check_text(CASES.format(", ".join(f"{n} on {s}" for n, (_, s) in zip(CARRIERS, on, strict=True))))
         for one, (which, _) in zip(choice.choices.values(), on, strict=True):
             rows[3 * one.switch] = one.middles[which]
-        mine, wanted = (phi(gated(one.core), list(some), NUMPY) for one, some in ((choice, rows), (plain, rows[:15])))
+        mine, wanted = (phi(gate(one.core), list(some), NUMPY) for one, some in ((choice, rows), (plain, rows[:15])))
         for label in plain.core.labels:
             assert mine[label] == pytest.approx(wanted[label], abs=1e-12), (label, on)
         held = (wanted["require"] >= 0.0) & plain.workspace.contains(rows[:15])  # some supports are boxes alone
@@ -458,8 +458,8 @@ def test_in_each_scene_they_are_those_of_its_surfaces(task):
     spec = check_text(HEAD.format(**among, task=task))
     rng = np.random.default_rng(5)
     rows = rng.uniform(size=(3 * len(spec.core.objects), 400))
-    taken = {spec.objects[which]: chosen(choice, rows) for which, choice in spec.choices.items()}
-    values = np.broadcast_to(phi(gated(spec.core), rows, NUMPY)["task"], 400)
+    taken = {spec.objects[which]: chosen_options(choice, rows) for which, choice in spec.choices.items()}
+    values = np.broadcast_to(phi(gate(spec.core), rows, NUMPY)["task"], 400)
     compared = 0
     for case in product(*(range(len(all_of)) for all_of in OPTIONS.values())):
         here = np.logical_and.reduce([taken[name] == one for name, one in zip(OPTIONS, case, strict=True)])
@@ -467,7 +467,7 @@ def test_in_each_scene_they_are_those_of_its_surfaces(task):
         if not here.any():
             continue
         alone = check_text(HEAD.format(**on, task=task))
-        wanted = np.broadcast_to(phi(gated(alone.core), rows[: 3 * len(spec.objects), here], NUMPY)["task"], here.sum())
+        wanted = np.broadcast_to(phi(gate(alone.core), rows[: 3 * len(spec.objects), here], NUMPY)["task"], here.sum())
         np.testing.assert_allclose(values[here], wanted, rtol=0.0, atol=1e-12)
         compared += int(here.sum())
     assert compared == 400

@@ -4,13 +4,13 @@ import random
 
 from scenegen.errors import SpecError
 from scenegen.lang.checker import check_text
-from scenegen.lang.formula.core import gated
+from scenegen.lang.formula.core import gate
 from scenegen.lang.formula.interpret import phi
 
 
 def worth(text, *poses, label="task"):
     """phi of a label in a scene; `label="require"` for what the spec requires."""
-    return phi(gated(check_text(text).core), [value for pose in poses for value in pose])[label]
+    return phi(gate(check_text(text).core), [value for pose in poses for value in pose])[label]
 
 
 def scenes(spec, count=20, seed=0):
@@ -25,7 +25,7 @@ def alike(one, other):
     first, second = check_text(one), check_text(other)
     assert first.objects == second.objects
     assert first.fixed == second.fixed
-    cores = gated(first.core), gated(second.core)
+    cores = gate(first.core), gate(second.core)
     assert list(cores[0].labels) == list(cores[1].labels)
     for rows in scenes(first):
         assert phi(cores[0], rows) == phi(cores[1], rows), rows

@@ -15,7 +15,7 @@ from scenegen.api.scenes import evaluate
 from scenegen.curriculum import TableTop
 from scenegen.errors import DataError, RequestError
 from scenegen.lang.checker import check_text
-from scenegen.lang.formula.core import gated
+from scenegen.lang.formula.core import gate
 from scenegen.lang.spec import levels
 from scenegen.learn.training.feed import whole_file
 from scenegen.pictures.figures.sweep import sweep
@@ -243,7 +243,7 @@ def problem_of(text: str, low: float, high: float, n: int = 50) -> Problem:
 def test_each_box_has_one_choice_and_together_they_are_the_whole(text: str) -> None:
     spec = check_text(text, "test.spec")
     lowest, highest = spec.box()
-    low, high = worlds(gated(spec.core), lowest, highest)
+    low, high = worlds(gate(spec.core), lowest, highest)
     free = highest > lowest
     sizes = ((high - low)[free] / (highest - lowest)[free, None]).prod(axis=0)
     assert low.shape[1] == (2 if text == KITCHEN else 4)

@@ -11,7 +11,7 @@ import pytest
 
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
-from scenegen.lang.formula.core import Apply, Atom, gated
+from scenegen.lang.formula.core import Apply, Atom, gate
 from scenegen.sampling import report
 from scenegen.sampling.engine.blocks import run_blocks
 from scenegen.sampling.growth.rarity import NoRoom, grow_islands
@@ -160,14 +160,14 @@ def test_a_plan_of_splitting_stops_when_it_is_told_to(few):
 
 
 def test_every_clearance_of_a_large_table_is_a_chance_to_stop(spec):
-    frame = make_chain_state(gated(spec.core), *spec.box())
+    frame = make_chain_state(gate(spec.core), *spec.box())
     stop = Calls()
     ChainTape(frame, stop=stop)(frame.draw(64, np.random.default_rng(0)))
     assert stop.calls == sum(isinstance(node, Apply) for node in frame.core.nodes)
 
 
 def test_a_large_table_is_scored_some_scenes_at_a_time(monkeypatch, spec):
-    frame = make_chain_state(gated(spec.core), *spec.box())
+    frame = make_chain_state(gate(spec.core), *spec.box())
     rows = frame.draw(250, np.random.default_rng(0))
     whole, once, stop = ChainTape(frame)(rows), Calls(), Calls()
     ChainTape(frame, stop=once)([row[:64] for row in rows])

@@ -85,10 +85,10 @@ def by_hand(count, rng):
 def requirement(poses):
     from scenegen.api.scenes import evaluate  # noqa: F401
     from scenegen.geometry import NUMPY
-    from scenegen.lang.formula.core import REQUIRE, gated
+    from scenegen.lang.formula.core import REQUIRE, gate
     from scenegen.lang.formula.interpret import phi as score
 
-    return score(gated(SPEC.checked.core), list(as_rows(poses)), NUMPY)[REQUIRE]
+    return score(gate(SPEC.checked.core), list(as_rows(poses)), NUMPY)[REQUIRE]
 
 
 @pytest.mark.long

@@ -29,7 +29,7 @@ from scenegen.editors.grammars.statements import EXACT, MEASURES, Extra, Finding
 from scenegen.errors import RequestError, Source
 from scenegen.errors.requests import OUT_OF_RANGE, REQUIREMENT_NOT_FOUND, UNKNOWN_CHOICE
 from scenegen.geometry import NUMPY
-from scenegen.lang.formula.core import REQUIRE, Core, gated, part_of
+from scenegen.lang.formula.core import REQUIRE, Core, gate, part_of
 from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax import ast
@@ -323,7 +323,7 @@ def valid_scenes(spec: CheckedSpec) -> Array | None:
     rng = np.random.default_rng(0)
     if spec.timed is not None:
         return _uniform(lowest, highest, rng)
-    core = gated(spec.core)
+    core = gate(spec.core)
     if REQUIRE not in core.labels:
         return _uniform(lowest, highest, rng)
     core = part_of(core, (REQUIRE,))

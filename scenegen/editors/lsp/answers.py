@@ -23,7 +23,7 @@ from scenegen.errors.diagnostic import as_json
 from scenegen.errors.language import PHI_TOO_LARGE, UNUSED_NAME
 from scenegen.errors.program import INTERNAL_ERROR
 from scenegen.lang.check.scope import BUILT_IN
-from scenegen.lang.formula.core import REQUIRE, gated
+from scenegen.lang.formula.core import REQUIRE, gate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax.printer import format_source
 from scenegen.lang.syntax.tokens import KEYWORDS
@@ -177,7 +177,7 @@ def _importing(document: Document, span: Span) -> tuple[int, int]:
 
 def _overflow(document: Document, spec: CheckedSpec) -> Iterator[DocumentProblem]:
     """Labels and requirements whose phi goes beyond what computers can hold."""
-    core = gated(spec.core)
+    core = gate(spec.core)
     with np.errstate(over="ignore", invalid="ignore"):
         lowest, highest = label_bounds(core, *spec.box())
     for name, low, high in zip(core.labels, lowest, highest, strict=True):

@@ -12,7 +12,7 @@ from scenegen.editors.lsp.document import Document
 from scenegen.editors.lsp.hover import asset
 from scenegen.editors.lsp.names import Binding, Kind, StatementSpan
 from scenegen.lang.check.heights import LIST_MEMBERS, SURFACE_SIZES
-from scenegen.lang.check.names import AREAS, SHAPES
+from scenegen.lang.check.names import AREAS, SHAPE_WORDS
 from scenegen.lang.check.scope import BUILT_IN
 from scenegen.lang.check.values import CORNERS, MEMBERS, SIDES, SIZES
 from scenegen.lang.syntax.tokens import KEYWORDS, STATEMENTS, Token, scan
@@ -105,7 +105,7 @@ def _items(here: _WordAtCursor) -> Iterator[CompletionItem]:
         yield from _assets(here)
     elif kind == "object" and last.text == "=" and _depth(here.before) == 0:
         yield from _assets(here)
-        yield from _functions(here, SHAPES)
+        yield from _functions(here, SHAPE_WORDS)
     elif kind == "region" and last.text == "=":
         yield from _functions(here, AREAS)
     elif last.text not in ("region", "const", "def", "import", "forall", "exists") and not _in_header(here, kind):
@@ -218,7 +218,7 @@ def _surfaces(binding: Binding) -> tuple[str, ...]:
     written = binding.source.text[binding.end : binding.closes]
     shape = written.partition("=")[2].split("(")[0].split()
     word = shape[0] if shape and not written.lstrip().startswith(("on", "at")) else binding.name
-    if word in SHAPES:
+    if word in SHAPE_WORDS:
         return ("top",)
     return tuple(one.name for one in surfaces_of(shape_of(word)))
 
@@ -279,7 +279,7 @@ def _operands(here: _WordAtCursor, kind: str) -> Iterator[CompletionItem]:
         for name, binding in sorted(document.functions.items()):
             if not name.startswith("_"):
                 yield here.item(name, "definition", *document.notes[binding])
-    yield from _functions(here, [name for name in vocabulary.functions() if name not in (*SHAPES, *AREAS)])
+    yield from _functions(here, [name for name in vocabulary.functions() if name not in (*SHAPE_WORDS, *AREAS)])
     if not constant:
         yield from _keywords(here, "forall", "exists", "not", "true", "false")
 

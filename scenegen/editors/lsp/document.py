@@ -10,7 +10,7 @@ from pathlib import Path
 from scenegen.editors.lsp import names
 from scenegen.editors.lsp.names import Binding, NameIndex, Occurrence, index
 from scenegen.errors import Diagnostic, Source, Span, SpecError
-from scenegen.lang.check.imports import MAX_FILES, Project
+from scenegen.lang.check.imports import MAX_IMPORTED_FILES, Project
 from scenegen.lang.check.lowering import Lowering
 from scenegen.lang.check.scope import BUILT_IN
 from scenegen.lang.checker import check_module
@@ -77,7 +77,7 @@ class Document:
         project = self.project()
         found: dict[Path, NameIndex] = {}
         waiting = [self.index]
-        while waiting and len(found) < MAX_FILES:
+        while waiting and len(found) < MAX_IMPORTED_FILES:
             one = waiting.pop(0)
             for link in one.imports:
                 here = Span(one.source, link.start, link.end)

@@ -19,7 +19,7 @@ from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import MOST_ERRORS
 from scenegen.things import Shape
 
-Look = Callable[[Lowering], None]
+LoweringHook = Callable[[Lowering], None]
 
 
 class Problems(list[Diagnostic]):
@@ -51,7 +51,7 @@ class Problems(list[Diagnostic]):
 
 @dataclass(slots=True)
 class Draft:
-    """What is asked for (`module`, `project`, `look`, `counts`: see `check_module`), and what the passes have found.
+    """What is asked for (`module`, `project`, `hook`, `counts`: see `check_module`), and what the passes have found.
 
     `placed` are the statements of all files. `lowering` knows the names, and what the declarations say. `kinds` are the
     categories of objects by name, `variants` what these objects are; `shapes` has one entry per object, `fixed` the
@@ -61,7 +61,7 @@ class Draft:
 
     module: ast.Module
     project: Project
-    look: Look | None
+    hook: LoweringHook | None
     counts: Mapping[str, int]
     scope: Scope = field(init=False)
     lowering: Lowering = field(init=False)

@@ -25,7 +25,7 @@ from scenegen.geometry.primitives import LENGTH, quantity
 from scenegen.lang.check.functions import (
     OF_SUPPORT,
     function,
-    joined,
+    join_lists,
     list_function,
     note_elsewhere,
     step_function,
@@ -36,7 +36,6 @@ from scenegen.lang.check.lowering import Environment, Lowering
 from scenegen.lang.check.names import bind
 from scenegen.lang.check.quantifiers import quantify
 from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, STEPS, Declared
-from scenegen.lang.check.template import FIRST, DependsOnValue
 from scenegen.lang.check.values import (
     AnyValue,
     CallFrame,
@@ -54,9 +53,6 @@ from scenegen.lang.check.values import (
 )
 from scenegen.lang.formula.builder import FALSE, TRUE
 from scenegen.lang.syntax import ast
-
-# --------------------------------------------------------------------------------------------------------------------
-# What a name stands for: a bound value, objects, a region, a constant or a label.
 
 
 def refer(lowering: Lowering, node: ast.Name, env: Mapping[str, Value], frame: CallFrame) -> Value:
@@ -105,10 +101,6 @@ def objects(lowering: Lowering, node: ast.Name, frame: CallFrame, origin: Span) 
         return ObjectValue(lowering.scope.objects[node.id], origin=origin)
     places = range(len(lowering.scope.objects)) if node.id == "objects" else lowering.scope.arrays[node.id]
     return ListValue(Row(places, origin), origin=origin)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Calls: definitions expanded once for each set of arguments, primitives, and functions of lists and heights.
 
 
 def call(lowering: Lowering, node: ast.Call, env: Mapping[str, Value], frame: CallFrame) -> Value:
@@ -175,10 +167,6 @@ def _expand(
         expanded: Value = lowering.lower(definition.body, values, inside)
         lowering.expansions[key] = (expanded, ordered)
     return lowering.expansions[key][0].moved(places[0])
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Expressions, each with its kind and unit.
 
 
 class FormulaLowering(Lowering):
@@ -291,7 +279,7 @@ class FormulaLowering(Lowering):
         for part in parts:
             values.append(self.at_once(part, env, frame) or self.lower(part, env, frame))
         if isinstance(node, ast.Binary) and symbol == "+":
-            both = joined(self, values, node, frame)
+            both = join_lists(self, values, node, frame)
             if both is not None:
                 return both
         numbers = [self.coerce.number(value, f"what `{symbol}` works on") for value in values]
@@ -299,8 +287,8 @@ class FormulaLowering(Lowering):
             self.refuse_degrees(numbers)
         name = "neg" if len(parts) == 1 else {"+": "add", "-": "sub", "*": "mul", "/": "div"}[symbol]
         if name == "div":
-            divisor = self.builder.divisor(numbers[1].node)
-            if divisor is None:
+            divisor = self.builder.value(numbers[1].node)
+            if divisor is None and numbers[1].node not in self.builder.varying:
                 raise self.error(WRONG_DIVISOR, parts[1], frame)
             if divisor == 0.0:
                 raise self.error(WRONG_DIVISOR, parts[1], frame, zero=True)
@@ -327,8 +315,6 @@ class FormulaLowering(Lowering):
         for value in values:
             if not isinstance(value, ObjectValue | RegionValue | SurfaceValue):
                 raise self.coerce.wrong(value, "an object, a surface or a region", "each side of `!=`")
-            if isinstance(value, ObjectValue) and value.index >= FIRST:
-                raise DependsOnValue
         return FormulaValue(TRUE if first != second else FALSE, True, origin=origin)
 
     def _compare(self, node: ast.Compare, env: Environment, frame: CallFrame) -> Value:

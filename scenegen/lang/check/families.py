@@ -32,7 +32,7 @@ from scenegen.lang.check.imports import Project
 from scenegen.lang.check.names import bind
 from scenegen.lang.check.regions import SIGNATURES
 from scenegen.lang.check.scope import DeclaredObject, Scope
-from scenegen.lang.spec import CheckedSpec, Count, Support, combinations, written
+from scenegen.lang.spec import CheckedSpec, Count, Support, combinations, numbers_text
 from scenegen.lang.syntax import ast
 from scenegen.things import Shape
 from scenegen.things.library import INDEX
@@ -41,13 +41,12 @@ if TYPE_CHECKING:
     from scenegen.things.indexed import AssetEntry
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Random numbers of things: a spec with `object block[3..8]` is a family of ordinary specs, one for each combination.
 #
 # Every member is checked as if its numbers stood in the text, so whatever works on ordinary specs works on members.
 
 
-MOST_NODES = 2_000_000  # of the formulas of all members together
+MAX_CATEGORY_NODES = 2_000_000  # of the formulas of all members together
 
 
 def family(module: ast.Module, last: CheckedSpec, member: Callable[[dict[str, int]], CheckedSpec]) -> CheckedSpec:
@@ -64,18 +63,18 @@ def family(module: ast.Module, last: CheckedSpec, member: Callable[[dict[str, in
         try:
             made = member(numbers)
         except SpecError as error:
-            raise SpecError(*(one.but(counted=written(numbers)) for one in error.diagnostics)) from None
+            raise SpecError(*(one.but(counted=numbers_text(numbers)) for one in error.diagnostics)) from None
         nodes += len(made.core.nodes)
-        if nodes > MOST_NODES:
-            reason = f"has more than {MOST_NODES:,} formulas in its combinations of numbers"
+        if nodes > MAX_CATEGORY_NODES:
+            reason = f"has more than {MAX_CATEGORY_NODES:,} formulas in its combinations of numbers"
             raise SpecError(SPEC_TOO_LARGE(file=module.source.name, reason=reason))
         members.append(made)
     for numbers, made in zip(combinations(last.counts), members, strict=True):
         what = _differs(made, last)
         if what is not None:
-            *_, most = map(written, combinations(last.counts))
+            *_, most = map(numbers_text, combinations(last.counts))
             asset = next((one.name for one in last.counts if one.assets), None)
-            raise SpecError(DEPENDS_ON_NUMBER(what=what, counted=written(numbers), most=most, asset=asset))
+            raise SpecError(DEPENDS_ON_NUMBER(what=what, counted=numbers_text(numbers), most=most, asset=asset))
     return replace(last, members=tuple(replace(one, title=last.title, name=last.name) for one in members))
 
 
@@ -119,11 +118,7 @@ def _standing(spec: CheckedSpec, which: int) -> object:
     return spec.heights[which], named(spec.supports.get(which)), options
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# `asset("ycb/025_mug")`: an entry of the index of a folder of assets, beside the spec or below it.
-
-
-SHOWN = 8  # names that a help line lists
+MAX_SHOWN_ASSETS = 8  # names that a help line lists
 
 
 def index_of(path: str) -> tuple[str, str]:
@@ -147,7 +142,7 @@ def entries_of(path: str, here: Span, project: Project) -> Mapping[str, AssetEnt
         raise SpecError(ASSET_INDEX(here, path=where, reason=str(error))) from None
 
 
-def indexed(path: str, here: Span, project: Project) -> Shape:
+def asset_shape(path: str, here: Span, project: Project) -> Shape:
     """What the asset looks like: its outline and height, scaled and turned upright. Raises SpecError."""
     where, name = index_of(path)
     key = project.find(where, here), name
@@ -164,7 +159,7 @@ def _read(path: str, here: Span, project: Project) -> Shape:
     entries = entries_of(path, here, project)
     entry = entries.get(name)
     if entry is None:
-        some, more = list(entries)[:SHOWN], max(0, len(entries) - SHOWN)
+        some, more = list(entries)[:MAX_SHOWN_ASSETS], max(0, len(entries) - MAX_SHOWN_ASSETS)
         raise SpecError(
             UNKNOWN_ASSET(here, path=where, name=name, known=entries, some=some, more=more or None, asset=True)
         )
@@ -235,12 +230,12 @@ def category_of(
     if "assets" in given:
         assets = _written(given["assets"], thing, outlined)
     else:
-        names = _named(path.value, path.span(thing.source), project)
+        names = _category_folders(path.value, path.span(thing.source), project)
         folder = path.value.replace("\\", "/").rpartition("/")[0]
         chosen = _some(names, most or len(names), seed)
         _refuse_many(len(chosen) ** count, here, thing)  # before any mesh is read
         at = path.span(thing.source)
-        assets = tuple(indexed(f"{folder}/{name}" if folder else name, at, project) for name in chosen)
+        assets = tuple(asset_shape(f"{folder}/{name}" if folder else name, at, project) for name in chosen)
     picks = _picks(given.get("pick"), count, len(assets), thing)
     return Category(path.value, assets, picks)
 
@@ -292,7 +287,7 @@ def refuse_surfaces(thing: DeclaredObject, options: Sequence[Sequence[Support]],
         raise SpecError(NOT_OF_CATEGORY(here, name=thing.name.id, what=what))
 
 
-def picked(name: str, category: Category, arrayed: bool, counts: Mapping[str, int]) -> tuple[int, ...]:
+def category_picks(name: str, category: Category, arrayed: bool, counts: Mapping[str, int]) -> tuple[int, ...]:
     """The picks of a category with those of `counts`; 0 is drawn."""
     elements = [f"{name}[{k}]" for k in range(1, len(category.picks) + 1)] if arrayed else [name]
     return tuple(pick or counts.get(one, 0) for pick, one in zip(category.picks, elements, strict=True))
@@ -304,7 +299,7 @@ def _refuse_many(combinations: int, here: Span, thing: DeclaredObject) -> None:
         raise SpecError(TOO_MANY_COUNTS(here, combinations=shown, limit=MOST_COMBINATIONS, asset=thing.name.id))
 
 
-def _named(path: str, here: Span, project: Project) -> list[str]:
+def _category_folders(path: str, here: Span, project: Project) -> list[str]:
     from scenegen.things.indexed import categories
 
     where, name = index_of(path)

@@ -23,9 +23,8 @@ from scenegen.errors.language import (
 from scenegen.geometry import PRIMITIVES, Footprint
 from scenegen.geometry.primitives import ANGLE, BARE, LENGTH, SPEED, TIME, TURN_RATE, Unit
 from scenegen.lang.check.heights import of_options
-from scenegen.lang.check.template import FIRST
 from scenegen.lang.check.values import (
-    LONGEST,
+    MAX_ECHO_LENGTH,
     AnyValue,
     CallFrame,
     ChosenValue,
@@ -40,7 +39,7 @@ from scenegen.lang.check.values import (
     Value,
     key_of,
 )
-from scenegen.lang.formula.timed import MAX_STEPS, Horizon, Movers
+from scenegen.lang.formula.timed import MAX_TIME_STEPS, Horizon, Movers
 from scenegen.lang.spec import Support, options_of
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.printer import print_expr
@@ -65,7 +64,7 @@ def list_function(lowering: Lowering, name: str, value: Value, node: ast.Call, f
     return lowering.expansions[key][0].moved(origin)
 
 
-def joined(lowering: Lowering, values: list[Value], node: ast.Binary, frame: CallFrame) -> Value | None:
+def join_lists(lowering: Lowering, values: list[Value], node: ast.Binary, frame: CallFrame) -> Value | None:
     """The two lists on the sides of a `+` as one; None where neither is a list. Raises SpecError."""
     if not any(isinstance(value, ListValue) for value in values):
         return None
@@ -73,7 +72,7 @@ def joined(lowering: Lowering, values: list[Value], node: ast.Binary, frame: Cal
     for value, part in zip(values, (node.left, node.right), strict=True):
         if not isinstance(value, ListValue | AnyValue):
             written = value.origin.text
-            single = isinstance(value, ObjectValue | PointValue) and len(written) <= LONGEST
+            single = isinstance(value, ObjectValue | PointValue) and len(written) <= MAX_ECHO_LENGTH
             raise lowering.error(MIXED_LIST, part, frame, found=value.kind, single=written if single else None)
     if any(isinstance(value, AnyValue) for value in values):
         return AnyValue(origin=origin)
@@ -146,7 +145,6 @@ def _spread(lowering: Lowering, name: str, values: list[Value], node: ast.Call, 
     return spread
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Functions of a step: what an object did since the moment before.
 #
 # The state that a formula is evaluated on has every object twice: as it stands now, and as it stood at the moment
@@ -227,10 +225,6 @@ def _seen_from(lowering: Lowering, frame: Pose, pose: Pose) -> Pose:
     return x, y, apply("sub", (pose[THETA], frame[THETA]))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# What is said to rest on, or to be inside, a thing that no declaration lets it stand on.
-
-
 OF_SUPPORT = ("restsOn", "insideOf")  # relations of the prelude: a on or in b
 
 
@@ -240,7 +234,7 @@ def note_elsewhere(
     """Notices a call of one of OF_SUPPORT that holds in no scene, since its first argument stands elsewhere. In
     rounds of quantifiers that is no mistake."""
     upper, lower = values["a"], values["b"]
-    if frame.where or lowering.heights is None or not isinstance(upper, ObjectValue) or upper.index >= FIRST:
+    if frame.where or lowering.heights is None or not isinstance(upper, ObjectValue):
         return
     options = [*options_of(upper.index, lowering.supports, lowering.choices)]
     stands = [one.name for one in options] or ["workspace"]
@@ -249,7 +243,7 @@ def note_elsewhere(
             more = () if one.carrier is None else options_of(one.carrier, lowering.supports, lowering.choices)
             options.extend(other for other in more if other not in options)
     match lower:
-        case ObjectValue(carrier) if carrier < FIRST:
+        case ObjectValue(carrier):
             written, meant = lowering.builder.objects[carrier], any(one.carrier == carrier for one in options)
         case SurfaceValue():
             written = lowering.text(lower)
@@ -283,7 +277,7 @@ def _height_of(lowering: Lowering, under: Support) -> float | None:
     return None if below is None else below + under.height
 
 
-def meant(lowering: Lowering, here: Span) -> str | None:
+def find_remedy(lowering: Lowering, here: Span) -> str | None:
     """What to do about a requirement at some part of the text that asks for such a thing; None where it does not."""
     for one in lowering.noticed:
         if one.kind is not STANDS_ELSEWHERE or one.span is None or one.facts["example"] is None:
@@ -293,11 +287,7 @@ def meant(lowering: Lowering, here: Span) -> str | None:
     return None
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Formulas over time: horizons and windows, and the operators that look at later moments.
-
-
-NEARLY = 1e-9  # steps by which a time may miss a whole number of them: 0.3 s / 0.1 s is not 3 in floating point
+STEP_TOLERANCE = 1e-9  # steps by which a time may miss a whole number of them: 0.3 s / 0.1 s is not 3 in floating point
 
 
 def horizon(lowering: Lowering, source: Source, statement: ast.Time) -> Horizon:
@@ -310,8 +300,8 @@ def horizon(lowering: Lowering, source: Source, statement: ast.Time) -> Horizon:
             raise SpecError(TIME_UNFINISHED(word.span(source), name=word.id, known=["steps"]))
         given = lowering.evaluate(statement.amount, frame)
         amount = lowering.constant(given, statement.amount, frame, "the number of steps", BARE)
-        if not 1 <= amount <= MAX_STEPS:
-            raise SpecError(HORIZON_OUT_OF_RANGE(here, steps=amount, limit=MAX_STEPS))
+        if not 1 <= amount <= MAX_TIME_STEPS:
+            raise SpecError(HORIZON_OUT_OF_RANGE(here, steps=amount, limit=MAX_TIME_STEPS))
         if amount != round(amount):
             raise SpecError(NOT_WHOLE_STEPS(here, amount=amount, unit="", mended=f"time {round(amount)} steps"))
         return Horizon(round(amount), 1.0)
@@ -326,9 +316,9 @@ def horizon(lowering: Lowering, source: Source, statement: ast.Time) -> Horizon:
         such = stop / 20.0 if stop > 0.0 else 0.5
         raise SpecError(HORIZON_OUT_OF_RANGE(statement.amount.span(source), length=step, such=such))
     steps = stop / step
-    if not 1.0 - NEARLY <= steps <= MAX_STEPS + NEARLY:
-        raise SpecError(HORIZON_OUT_OF_RANGE(here, steps=steps, limit=MAX_STEPS))
-    if abs(steps - round(steps)) > NEARLY * steps:
+    if not 1.0 - STEP_TOLERANCE <= steps <= MAX_TIME_STEPS + STEP_TOLERANCE:
+        raise SpecError(HORIZON_OUT_OF_RANGE(here, steps=steps, limit=MAX_TIME_STEPS))
+    if abs(steps - round(steps)) > STEP_TOLERANCE * steps:
         mended = f"time [0, {round(steps) * step:g} s] every {step:g} s"
         raise SpecError(NOT_WHOLE_STEPS(here, amount=stop, unit=" s", dt=step, mended=mended))
     return Horizon(round(steps), step)
@@ -407,7 +397,7 @@ def _moment(lowering: Lowering, number: NumberValue, expr: ast.Expr, frame: Call
     assert lowering.horizon is not None
     dt = lowering.horizon.dt
     steps = amount if unit == BARE else amount / dt
-    if abs(steps - round(steps)) > NEARLY * max(1.0, abs(steps)):
+    if abs(steps - round(steps)) > STEP_TOLERANCE * max(1.0, abs(steps)):
         more = {"unit": "", "mended": f"{round(steps)}"}
         if unit == TIME:
             more = {"unit": " s", "dt": dt, "mended": f"{round(steps) * dt:g} s"}

@@ -24,7 +24,6 @@ from scenegen.errors.language import (
 from scenegen.geometry import Circle, Footprint
 from scenegen.geometry.primitives import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD
-from scenegen.lang.check.template import FIRST, DependsOnValue
 from scenegen.lang.check.values import (
     CORNERS,
     MEMBERS,
@@ -55,7 +54,6 @@ if TYPE_CHECKING:
     from scenegen.lang.check.lowering import Lowering
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # `base` and `load`: what an object was declared to stand on, and the centre of mass of it and all that it carries.
 #
 # Where a support is a choice, both are numbers that the switches pick.
@@ -140,12 +138,10 @@ def height_function(lowering: Lowering, name: str, values: list[Value], node: as
         named = "name the surfaces: on any of [a, b]" if name == "surfaces" else None
         raise lowering.error(MEASURED_TOO_EARLY, node, frame, instead=named)
     value = values[0]
-    if isinstance(value, ObjectValue) and value.index >= FIRST:
-        raise DependsOnValue
     if name in ("z", "height", "top"):
         return NumberValue(_height(lowering, name, value), LENGTH, origin=origin)
     if name == "apart":
-        return NumberValue(_apart(lowering, values, node, frame), LENGTH, origin=origin)
+        return NumberValue(_body_clearance(lowering, values, node, frame), LENGTH, origin=origin)
     if name == "bodies":
         return _bodies(lowering, value)
     if name == "surfaces":
@@ -153,15 +149,11 @@ def height_function(lowering: Lowering, name: str, values: list[Value], node: as
             return ListValue((value,), origin=origin)
         which = _object(lowering, value, name)
         upper = values[1] if len(values) > 1 else None
-        if isinstance(upper, ObjectValue) and upper.index >= FIRST:
-            raise DependsOnValue
         return ListValue(surface_values(lowering, which, value, upper), origin=origin)
     which = _object(lowering, value, name)
     if name == "others":
         if len(values) > 1:
             items = lowering.coerce.items(values[1], "the argument `items` of `others`")
-            if any(isinstance(one, ObjectValue) and one.index >= FIRST for one in items):
-                raise DependsOnValue
             return ListValue(tuple(one for one in items if one != value), origin=origin)
         rest = [one for one in range(len(lowering.heights)) if one != which]
         return ListValue(tuple(ObjectValue(one, origin=origin) for one in rest), origin=origin)
@@ -203,7 +195,7 @@ def _height(lowering: Lowering, name: str, value: Value) -> int:
     builder = lowering.builder
     match value:
         case ChosenValue(chooser, options):
-            return picked(lowering, lowering.choices[chooser], [_height(lowering, name, one) for one in options])
+            return pick_number(lowering, lowering.choices[chooser], [_height(lowering, name, one) for one in options])
         case ObjectValue(which):
             own = lowering.shapes[which].height
             if name == "height":
@@ -224,7 +216,7 @@ def _height(lowering: Lowering, name: str, value: Value) -> int:
             raise lowering.coerce.wrong(value, "an object", f"the argument of `{name}`")
 
 
-def _apart(lowering: Lowering, values: list[Value], node: ast.Call, frame: CallFrame) -> int:
+def _body_clearance(lowering: Lowering, values: list[Value], node: ast.Call, frame: CallFrame) -> int:
     """min over the upright pieces of both bodies of the larger of their clearances, in the plane and along z."""
     first, second = values
     if isinstance(first, RegionValue) and isinstance(second, RegionValue):
@@ -233,8 +225,6 @@ def _apart(lowering: Lowering, values: list[Value], node: ast.Call, frame: CallF
         if isinstance(board, RegionValue):
             return _from_board(lowering, _object(lowering, body, "apart"), board.area)
     one, other = _object(lowering, first, "apart"), _object(lowering, second, "apart")
-    if max(one, other) >= FIRST:
-        raise DependsOnValue
     if one == other:
         raise lowering.error(SAME_ARGUMENT_TWICE, node, frame, name="apart")
     assert lowering.heights is not None
@@ -347,10 +337,6 @@ def _inside(lowering: Lowering, upper: int, lower: int, above: float, supports: 
     return lowering.builder.apply("room", poses, (footprint, widest))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Taking one thing out of another: `placemat.left`, `block[3]`.
-
-
 LIST_MEMBERS = ("first", "last", "count")
 SURFACE_SIZES = ("length", "depth")  # of a surface, beside `width` and `height`, which regions have, too
 
@@ -396,8 +382,6 @@ def member(lowering: Lowering, base: Value, node: ast.Member, name: str, frame: 
 
 def _surface(lowering: Lowering, base: ObjectValue, index: int, name: str, origin: Span) -> Value | None:
     """The surface of that name of an object, or the list of those that are numbered; None where it has none."""
-    if index >= FIRST:
-        raise DependsOnValue
     named = [one for one in surface_values(lowering, index, base) if one.surface.name.partition("[")[0] == name]
     if len(named) == 1 and named[0].surface.name == name:
         return named[0].moved(origin)
@@ -448,14 +432,10 @@ def index(lowering: Lowering, base: Value, place: NumberValue, node: ast.Index, 
     return items[which - 1]
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Numbers of what a choice picks.
-
-
 MOST_CASES = 512  # combinations of choices that are distinguished for one pair of objects
 
 
-def picked(lowering: Lowering, choice: SurfaceChoice, numbers: Sequence[int]) -> int:
+def pick_number(lowering: Lowering, choice: SurfaceChoice, numbers: Sequence[int]) -> int:
     """The number among some that the switch of a choice picks."""
     builder = lowering.builder
     switch = builder.coord(choice.switch, X)
@@ -470,7 +450,7 @@ def of_options(lowering: Lowering, value: ChosenValue, number: Callable[[Value],
     """A number of what a choice picks: `number` gives it for each of the options."""
     made = [number(one) for one in value.options]
     choice = lowering.choices[value.chooser]
-    return NumberValue(picked(lowering, choice, [one.node for one in made]), made[0].unit, origin=made[0].origin)
+    return NumberValue(pick_number(lowering, choice, [one.node for one in made]), made[0].unit, origin=made[0].origin)
 
 
 def level(lowering: Lowering, which: int) -> int:
@@ -491,7 +471,7 @@ def level(lowering: Lowering, which: int) -> int:
         for under in options(one):
             rise = builder.const(under.height)
             numbers.append(rise if under.carrier is None else builder.apply("add", (made[under.carrier], rise)))
-        made[one] = picked(lowering, lowering.choices[one], numbers) if one in lowering.choices else numbers[0]
+        made[one] = pick_number(lowering, lowering.choices[one], numbers) if one in lowering.choices else numbers[0]
     return made[which]
 
 
@@ -536,7 +516,7 @@ def of_cases(
         chunks = [
             dict(zip(apart[one], values[start : start + size], strict=True)) for start in range(0, len(values), size)
         ]
-        values = [picked(lowering, lowering.choices[one], [chunk[at] for at in free[one]]) for chunk in chunks]
+        values = [pick_number(lowering, lowering.choices[one], [chunk[at] for at in free[one]]) for chunk in chunks]
     return values[0]
 
 

@@ -29,8 +29,8 @@ from scenegen.lang.syntax.tokens import has_time
 from scenegen.resources import note_input
 from scenegen.things.library import Shape
 
-MAX_BYTES = 64_000_000
-MAX_FILES = 1000
+MAX_IMPORTED_BYTES = 64_000_000
+MAX_IMPORTED_FILES = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +77,12 @@ class Project:
                 raise SpecError(CANNOT_READ_IMPORT(here, path=path, what=what))
             note_input(wanted)
             with wanted.open("rb") as file:
-                data = file.read(MAX_BYTES + 1)  # what the system calls its size may be a lie, as in /proc
+                data = file.read(MAX_IMPORTED_BYTES + 1)  # what the system calls its size may be a lie, as in /proc
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
-            raise SpecError(CANNOT_READ_IMPORT(here, path=path, reason=reason, beside=_beside(wanted))) from None
-        if len(data) > MAX_BYTES:
-            raise SpecError(SPEC_TOO_LONG(here, path=path, limit=MAX_BYTES))
+            raise SpecError(CANNOT_READ_IMPORT(here, path=path, reason=reason, beside=_files_beside(wanted))) from None
+        if len(data) > MAX_IMPORTED_BYTES:
+            raise SpecError(SPEC_TOO_LONG(here, path=path, limit=MAX_IMPORTED_BYTES))
         return data
 
     def read_beside(self, path: str, other: str, here: Span) -> bytes:
@@ -99,7 +99,7 @@ class Project:
         return self.root.resolve() if self.root is not None else self.file.resolve().parent if self.file else folder
 
 
-def _beside(wanted: Path) -> list[str]:
+def _files_beside(wanted: Path) -> list[str]:
     """A few files of the folder that a file was looked for in."""
     with contextlib.suppress(OSError):  # the folder may be missing as well, or closed to us
         return sorted(one.name for one in wanted.parent.iterdir() if one.suffix)[:5]
@@ -133,10 +133,10 @@ def inline(module: ast.Module, project: Project) -> tuple[list[SourcedStatement]
                 raise SpecError(IMPORT_CYCLE(here, path=statement.path.value))
             if path in seen:
                 continue
-            if len(seen) >= MAX_FILES:
-                problems.append(SPEC_TOO_LONG(here, limit=MAX_FILES, files=True))
+            if len(seen) >= MAX_IMPORTED_FILES:
+                problems.append(SPEC_TOO_LONG(here, limit=MAX_IMPORTED_FILES, files=True))
                 break
-            imported = _imported(statement.path.value, path, here, project, timed)
+            imported = _parse_import(statement.path.value, path, here, project, timed)
         except SpecError as error:
             problems.extend(error.diagnostics)
             continue
@@ -150,9 +150,9 @@ def inline(module: ast.Module, project: Project) -> tuple[list[SourcedStatement]
     return out, problems
 
 
-def _imported(written: str, path: Path, here: Span, project: Project, timed: bool) -> ast.Module:
+def _parse_import(written: str, path: Path, here: Span, project: Project, timed: bool) -> ast.Module:
     data = project.read(written, here, "a .spec file")
-    shown = _shown(path, project)
+    shown = _source_name(path, project)
     project.sources[shown] = path
     try:
         source = read_source(shown, data)
@@ -167,7 +167,7 @@ def _imported(written: str, path: Path, here: Span, project: Project, timed: boo
     return module
 
 
-def _shown(path: Path, project: Project) -> str:
+def _source_name(path: Path, project: Project) -> str:
     """What diagnostics call an imported file: beside the importing spec's own path where it lies below it."""
     if project.file is not None:
         folder = project.file.resolve().parent

@@ -25,9 +25,8 @@ from scenegen.geometry import PRIMITIVES, Footprint, UnitMismatch
 from scenegen.geometry.primitives import ANGLE, BARE, Unit, agree
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.check.scope import Scope
-from scenegen.lang.check.template import placeholders
 from scenegen.lang.check.values import (
-    MOST_VARIABLES,
+    MAX_NOTED_VARIABLES,
     Area,
     CallFrame,
     ChosenValue,
@@ -40,16 +39,13 @@ from scenegen.lang.check.values import (
     SurfaceValue,
     Value,
 )
-from scenegen.lang.formula.builder import CoreBuilder, FormulaTooLarge
+from scenegen.lang.formula.builder import CoreBuilder, DependsOnRound, FormulaTooLarge
 from scenegen.lang.formula.timed import Horizon
 from scenegen.lang.spec import Support, SurfaceChoice
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.tokens import UNITS_OF_TIME
 from scenegen.pose import TWO_PI
 from scenegen.things import Shape
-
-# --------------------------------------------------------------------------------------------------------------------
-# Formulas as deep as the parser lets them be.
 
 
 class _DeepRecursion:
@@ -65,7 +61,7 @@ class _DeepRecursion:
         with self._lock:
             if not self._inside:
                 self._usual = sys.getrecursionlimit()
-                sys.setrecursionlimit(MOST_FRAMES)
+                sys.setrecursionlimit(MAX_FRAMES)
             self._inside += 1
 
     def __exit__(
@@ -79,19 +75,16 @@ class _DeepRecursion:
 
 _DEEP = _DeepRecursion()
 
-# --------------------------------------------------------------------------------------------------------------------
-# The state of a spec that is expanded.
-
 
 Environment = Mapping[str, Value]
 
-MOST_CALLS = 32  # how far outwards the blame goes: definitions may call each other thousands deep
+MAX_BLAMED_CALLS = 32  # how far outwards the blame goes: definitions may call each other thousands deep
 
 MAX_WORK = 4_000_000  # expressions to expand
-MAX_INSIDE = 150_000  # of these, in rounds of quantifiers and in definitions; two or three seconds
-FOR_A_CHARACTER = 2  # that many more for each character of the text: what is written out is its author's affair
+MAX_INSIDE = 500_000  # of these, in rounds of quantifiers and in definitions; about eight seconds
+INSIDE_PER_CHARACTER = 2  # that many more for each character of the text: what is written out is its author's affair
 
-MOST_FRAMES = 4 * MAX_WORK  # of Python: no expression takes more
+MAX_FRAMES = 4 * MAX_WORK  # of Python: no expression takes more
 
 _ANY = 0.7320508  # any number: one that no body of a definition is likely to turn into a division by zero
 
@@ -105,7 +98,7 @@ class Lowering(ABC):
 
     def __init__(self, scope: Scope, builder: CoreBuilder, length: int = 0) -> None:
         self.scope = scope
-        self.builder = self.root = builder
+        self.builder = builder
         self.coerce = Coercion(scope, builder, _ANY)
         self.used: set[str] = set()  # definitions, constants and regions that something used
         self.areas: dict[str, Area] = {}
@@ -118,9 +111,7 @@ class Lowering(ABC):
         self.heights: Sequence[float | None] | None = None
         self.steps = 0  # rounds of quantifiers so far
         self.inside = 0  # expressions expanded in them and in definitions
-        self.most_inside = MAX_INSIDE + FOR_A_CHARACTER * length
-        self.made = 0  # steps of templates taken for rounds
-        self.placeholders = placeholders()
+        self.most_inside = MAX_INSIDE + INSIDE_PER_CHARACTER * length
         self.expansions: dict[object, tuple[Value, list[Value]]] = {}  # with the arguments: see key_of
         self._work = 0  # expressions expanded so far
         self.values: dict[str, Value] = {}
@@ -128,6 +119,7 @@ class Lowering(ABC):
         self.noticed: list[Diagnostic] = []  # warnings
         self.numbered = False  # whether something asks how many things there are
         self.calls: dict[int, list[tuple[str, ast.Expr, str]]] = {}
+        self.named_in: dict[int, set[str]] = {}  # the names in a quantifier
 
     def spend(self, steps: int, frame: CallFrame) -> None:
         """Counts what is expanded. Raises FormulaTooLarge."""
@@ -146,17 +138,11 @@ class Lowering(ABC):
                 f"takes more than {self.most_inside:,} steps to expand its quantifiers and definitions"
             )
 
-    def use(self, builder: CoreBuilder) -> None:
-        """Expands into another builder from now on."""
-        self.builder = self.coerce.builder = builder
-
-    # ---- where to put the blame
-
     def spans(self, node: ast.Node, frame: CallFrame) -> tuple[Span, ...]:
         """The user's places for a node, innermost first: the prelude's own lines are of no help to anybody."""
         places = (node.span(frame.source), *frame.calls)
         own = tuple(span for span in places if span.source is not self.scope.prelude)
-        return (own or places)[:MOST_CALLS]
+        return (own or places)[:MAX_BLAMED_CALLS]
 
     def origin(self, node: ast.Node, frame: CallFrame) -> Span:
         """The user's innermost place for a node."""
@@ -170,7 +156,7 @@ class Lowering(ABC):
         places = self.spans(node, frame)
         called = places[1].place if len(places) > 1 else None
         where = [f"{name} = {self.text(value)}" for choice in frame.where for name, value in choice.items()]
-        shown = ", ".join(where[-MOST_VARIABLES:])
+        shown = ", ".join(where[-MAX_NOTED_VARIABLES:])
         return SpecError(kind(places[0], expansion=frame.text, where=shown, called=called, **facts))
 
     def evaluate(self, node: ast.Expr, frame: CallFrame, env: Environment = MappingProxyType({})) -> Value:
@@ -237,6 +223,8 @@ class Lowering(ABC):
         if not any(number.unit == ANGLE for number in numbers):
             return
         for number in numbers:
+            if number.unit == BARE and number.node in self.builder.varying:
+                raise DependsOnRound
             amount = self.builder.value(number.node) if number.unit == BARE else None
             if amount is not None and abs(amount) > TWO_PI:
                 raise SpecError(MORE_THAN_A_TURN(number.origin, amount=amount))

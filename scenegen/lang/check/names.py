@@ -39,10 +39,10 @@ from scenegen.pose import NAMES
 from scenegen.things.library import PLAIN
 
 BUILT = ("cabinet",)  # objects of the library that are made to order
-SHAPES = (*PLAIN, *BUILT, "category")  # what an object can be
-FILES = ("urdf", "mesh", "asset")  # those of them that a file says
+SHAPE_WORDS = (*PLAIN, *BUILT, "category")  # what an object can be
+FILE_SHAPES = ("urdf", "mesh", "asset")  # those of them that a file says
 MAX_PARAMETERS = 100  # of a definition
-SHOWN = 8  # relations that a help line names, and arguments that it repeats
+MAX_SHOWN_NAMES = 8  # relations that a help line names, and arguments that it repeats
 LIST = ("items",)  # the parameters of a relation that takes one list
 AREAS = ("rect", "circle", "polygon")  # what a region can be
 
@@ -89,7 +89,7 @@ def _declarations(statement: ast.Objects, scope: Scope, source: Source) -> Itera
         if one.count is not None:
             yield from _expression(one.count, set(), scope, source, True)
         if isinstance(one.shape, ast.Call) and one.shape.function.id != "category":  # which is read as it stands
-            file = one.shape.function.id in FILES
+            file = one.shape.function.id in FILE_SHAPES
             for argument in one.shape.arguments:
                 if not (file and isinstance(argument.value, ast.Name)):
                     yield from _shape_argument(argument, scope, source)
@@ -103,7 +103,7 @@ def _shape_argument(argument: ast.Argument, scope: Scope, source: Source) -> Ite
     """Texts, colours, and shapes inside a shape, are the declaration's own business."""
     if argument.name is not None and argument.name.id == "color":
         return
-    if isinstance(argument.value, ast.Call) and argument.value.function.id in SHAPES:
+    if isinstance(argument.value, ast.Call) and argument.value.function.id in SHAPE_WORDS:
         for inner in argument.value.arguments:
             yield from _shape_argument(inner, scope, source)
     elif not isinstance(argument.value, ast.Text):
@@ -203,8 +203,8 @@ def _call(node: ast.Call, scope: Scope, source: Source) -> Iterator[Diagnostic]:
         if name in STEPS or name in TEMPORAL:
             yield TIME_MISSING(here, word=name)
             return
-        if name in SHAPES or name in AREAS:
-            kind, opening = ("an object", "object") if name in SHAPES else ("a region", "region")
+        if name in SHAPE_WORDS or name in AREAS:
+            kind, opening = ("an object", "object") if name in SHAPE_WORDS else ("a region", "region")
             yield MISPLACED_VALUE(here, name=name, kind=kind, opening=opening, shape=print_expr(node))
             return
         relations = tuple(one for one in scope.definitions if not one.startswith("_"))
@@ -230,8 +230,8 @@ def bind(node: ast.Call, signature: Signature, source: Source) -> dict[str, ast.
         span = Span(source, extra.start, node.arguments[-1].end)
         facts = _arity(signature, count)
         if signature.parameters == LIST and all(one.name is None for one in node.arguments):
-            items = [print_expr(one.value) for one in node.arguments[:SHOWN]]
-            items += ["..."] * (count > SHOWN)
+            items = [print_expr(one.value) for one in node.arguments[:MAX_SHOWN_NAMES]]
+            items += ["..."] * (count > MAX_SHOWN_NAMES)
             facts["usage"] = f"{signature.name}([{', '.join(items)}])"
         return WRONG_NUMBER_OF_ARGUMENTS(span, **facts, label="too many")
     known: frozenset[str] | None = None  # the parameters, once an argument has a name
@@ -310,11 +310,7 @@ def _references(declared: Declared, scope: Scope) -> Iterator[tuple[Declared, Sp
             yield target, place.span(declared.source)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Warnings: names that are never used, or hide something else.
-
-
-def unused(
+def find_unused(
     scope: Scope,
     placed: Sequence[SourcedStatement],
     bare: ast.Expr | None,
@@ -335,9 +331,9 @@ def unused(
                             name.span(one.source), kind="definition", name=name.id, reason="no formula calls it"
                         )
                     )
-                inside = _mentioned(body)
+                inside = _names_in(body)
                 for parameter in parameters:
-                    out.extend(_hidden(parameter.name, "parameter", scope, one.source))
+                    out.extend(_hidden_names(parameter.name, "parameter", scope, one.source))
                     if parameter.name.id not in inside:
                         here, reason = parameter.name.span(one.source), f"the body of `{name.id}` has none"
                         out.append(UNUSED_NAME(here, kind="parameter", name=parameter.name.id, reason=reason))
@@ -356,7 +352,7 @@ def unused(
     return out
 
 
-def _hidden(name: ast.Name, kind: str, scope: Scope, source: Source) -> Iterator[Diagnostic]:
+def _hidden_names(name: ast.Name, kind: str, scope: Scope, source: Source) -> Iterator[Diagnostic]:
     if name.id in scope.things and not scope.inferred:
         what = "an array" if scope.things[name.id].is_array else "an object"
     elif name.id in scope.constants:
@@ -373,13 +369,13 @@ def _hidden(name: ast.Name, kind: str, scope: Scope, source: Source) -> Iterator
 def _shadowing(root: ast.Expr, scope: Scope, source: Source) -> Iterator[Diagnostic]:
     for node, _ in ast.walk(root):
         if isinstance(node, ast.Quantifier):
-            inside = _mentioned(node.body)
+            inside = _names_in(node.body)
             for variable in node.variables:
-                yield from _hidden(variable, "variable", scope, source)
+                yield from _hidden_names(variable, "variable", scope, source)
                 if variable.id not in inside:
                     here, reason = variable.span(source), "every round says the same"
                     yield UNUSED_NAME(here, kind="variable", name=variable.id, reason=reason)
 
 
-def _mentioned(root: ast.Expr) -> set[str]:
+def _names_in(root: ast.Expr) -> set[str]:
     return {node.id for node, _ in ast.walk(root) if isinstance(node, ast.Name)}

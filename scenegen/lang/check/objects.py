@@ -33,11 +33,11 @@ from scenegen.lang.check.families import (
     Category,
     Variants,
     category_of,
+    category_picks,
     is_category,
-    picked,
     variants,
 )
-from scenegen.lang.check.names import BUILT, FILES, SHAPES, bind
+from scenegen.lang.check.names import BUILT, FILE_SHAPES, SHAPE_WORDS, bind
 from scenegen.lang.check.regions import SIGNATURES, Arguments, arguments, color, corners, number, point, size
 from scenegen.lang.check.scope import DeclaredObject, Scope
 from scenegen.lang.check.values import CallFrame, ListValue, NumberValue, Point
@@ -56,11 +56,7 @@ if TYPE_CHECKING:
     from scenegen.lang.check.lowering import Lowering
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# `cabinet(drawers = 3, open = 0.6)`: how many drawers a cabinet has, and whether each is open enough.
-
-
-ROOM = 1e-3  # per cent: what just fits would be held by rounding alone
+SPARE_PERCENT = 1e-3  # per cent: what just fits would be held by rounding alone
 
 
 def cabinet(lowering: Lowering, given: Arguments, source: Source) -> Shape:
@@ -99,12 +95,12 @@ def not_open(lowering: Lowering, upper: int, carrier: int, surface: SupportSurfa
         return None
     shares = list(lowering.shapes[carrier].open or Cabinet().open)
     number = int(surface.name.partition("[")[2].rstrip("]")) - 1
-    least, above = _rounded(pull.least(need)), ""
+    least, above = _round_up(pull.least(need)), ""
     if least > 1.0:
         shares = [*shares[: number + 1], *(0.0 for _ in shares[number + 1 :])]
         alone = Cabinet(tuple(shares)).surfaces()[number + 1].pull
         assert alone is not None
-        least, above = _rounded(alone.least(need)), "close the drawers above it and "
+        least, above = _round_up(alone.least(need)), "close the drawers above it and "
     if not shares[number] < least <= 1.0 and not (above and least <= 1.0):
         return None
     shares[number] = max(least, shares[number])
@@ -122,9 +118,9 @@ def not_open(lowering: Lowering, upper: int, carrier: int, surface: SupportSurfa
     )
 
 
-def _rounded(share: float) -> float:
+def _round_up(share: float) -> float:
     """Up to the next hundredth, with some room."""
-    return math.ceil(100.0 * share + ROOM) / 100.0
+    return math.ceil(100.0 * share + SPARE_PERCENT) / 100.0
 
 
 MAX_OBJECTS = 20_000
@@ -246,12 +242,12 @@ def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project)
         if expr.id in ASSETS:
             return shape_of(expr.id)
         raise SpecError(UNKNOWN_ASSET(here, name=expr.id, known=ASSETS))
-    if not isinstance(expr, ast.Call) or expr.function.id not in SHAPES:
+    if not isinstance(expr, ast.Call) or expr.function.id not in SHAPE_WORDS:
         written = expr.function.id if isinstance(expr, ast.Call) else ""
-        usages = ", ".join(SIGNATURES[name].usage for name in SHAPES)
-        raise SpecError(NOT_A_SHAPE(here, name=written, known=SHAPES, usages=usages))
+        usages = ", ".join(SIGNATURES[name].usage for name in SHAPE_WORDS)
+        raise SpecError(NOT_A_SHAPE(here, name=written, known=SHAPE_WORDS, usages=usages))
     kind = expr.function.id
-    if kind in FILES:
+    if kind in FILE_SHAPES:
         return _file(lowering, expr, source, project)
     given: Arguments = arguments(lowering, expr, source)
     if kind in BUILT:
@@ -262,7 +258,7 @@ def _shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Project)
 
 def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) -> Shape:
     """A file's outline; where the outline stands beside the path, the file is not read."""
-    from scenegen.lang.check.families import indexed
+    from scenegen.lang.check.families import asset_shape
     from scenegen.things.outline import MeshError
     from scenegen.things.urdf import mesh_outline, outline
 
@@ -282,7 +278,7 @@ def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) 
             raise SpecError(NOT_A_SHAPE(given["shape"].span(source), kind=kind, path=path.value))
         return Shape(kind, stated.footprint, stated.height, path.value)
     if kind == "asset":
-        found = indexed(path.value, here, project)
+        found = asset_shape(path.value, here, project)
         _notice(lowering, found, here)
         return found
     name = path.value.replace("\\", "/")
@@ -379,7 +375,6 @@ def _heading(lowering: Lowering, expr: ast.Expr, source: Source) -> float:
     return 0.0 if wrapped >= TWO_PI else wrapped
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The canonical text of a spec, which scene and model files carry: all it needs, in one piece.
 #
 # Imports are replaced by what they import, and the outline of a URDF or mesh file stands beside its path: the text
@@ -389,7 +384,7 @@ def _heading(lowering: Lowering, expr: ast.Expr, source: Source) -> float:
 def canonical(draft: Draft, counts: Mapping[str, int]) -> str:
     """The canonical text; `counts` are the numbers of things that are drawn no more."""
     statements = tuple(
-        ast.Objects(tuple(_resolved(draft, each, counts) for each in one.statement.declarations))
+        ast.Objects(tuple(_resolve_declaration(draft, each, counts) for each in one.statement.declarations))
         if isinstance(one.statement, ast.Objects)
         else one.statement
         for one in draft.placed
@@ -397,14 +392,14 @@ def canonical(draft: Draft, counts: Mapping[str, int]) -> str:
     return print_module(ast.Module(Source("", ""), statements, draft.module.bare))
 
 
-def _resolved(draft: Draft, one: ast.Declaration, counts: Mapping[str, int]) -> ast.Declaration:
+def _resolve_declaration(draft: Draft, one: ast.Declaration, counts: Mapping[str, int]) -> ast.Declaration:
     """The declaration with every file's outline written out, and every number that is drawn no more."""
     name, shape, count = one.name.id, one.shape, one.count
     if isinstance(count, ast.Range) and name in counts:
         count = ast.Quantity(str(counts[name]), "")
     if name in draft.kinds:
-        shape = _category(draft.kinds[name], picked(name, draft.kinds[name], one.count is not None, counts))
-    elif isinstance(shape, ast.Call) and shape.function.id in FILES:
+        shape = _category(draft.kinds[name], category_picks(name, draft.kinds[name], one.count is not None, counts))
+    elif isinstance(shape, ast.Call) and shape.function.id in FILE_SHAPES:
         looks = draft.shapes[draft.places(draft.scope.things[name])[0]]
         shape = _call(shape.function.id, ast.Text(looks.path), _outline(looks))
     return replace(one, count=count, shape=shape)
@@ -436,10 +431,6 @@ def _call(name: str, *arguments: ast.Expr) -> ast.Call:
 def _number(value: float) -> ast.Expr:
     written = ast.Quantity(repr(abs(value)), "")
     return ast.Negative(written) if value < 0.0 else written
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Warnings: names of objects that are nearly those of the library, and sizes without a unit that are hardly metres.
 
 
 WIDE = 10.0  # metres: a table is shorter

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import comb
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from scenegen.arrays import Array
 from scenegen.errors import SpecError
@@ -17,19 +16,18 @@ from scenegen.errors.declarations import SPEC_TOO_LARGE
 from scenegen.errors.language import EMPTY_RANGE, TOO_FEW_ELEMENTS
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.geometry.primitives import BARE
-from scenegen.lang.check.template import DependsOnValue, Template
 from scenegen.lang.check.values import (
-    MOST_VARIABLES,
+    MAX_NOTED_VARIABLES,
     AnyValue,
     CallFrame,
     FormulaValue,
     NeighboursValue,
     NumberValue,
-    ObjectValue,
     Value,
+    key_of,
 )
-from scenegen.lang.formula.builder import FormulaTooLarge
-from scenegen.lang.formula.core import Apply, Atom, Const, Junction
+from scenegen.lang.formula.builder import CoreBuilder, DependsOnRound
+from scenegen.lang.formula.core import Apply, Atom, Const, Junction, children
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.printer import print_expr
 
@@ -37,264 +35,191 @@ if TYPE_CHECKING:
     from scenegen.lang.check.lowering import Lowering
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Margins of a template that grow or fall with one constant: the same expression in every round, but for that.
+MAX_ROUNDS = 200_000  # rounds of all quantifiers of a spec together
+MAX_FORESEEN_STEPS = (
+    10 * MAX_ROUNDS
+)  # refused at once, in case that later rounds of an outer one have less to do inside
+MAX_DOMAIN_LENGTH = 40  # characters of the domain that a sub-formula's name shows
+UNFORESEEN_ROUNDS = 2  # the first ones, which say nothing of later ones: they expand what all share
+MIN_FOLDED_ROUNDS = 256  # over numbers, of which the hardest alone may be kept
 
 
 @dataclass(frozen=True, slots=True)
-class MonotoneDependence:
-    """The constant of a template that a number depends on alone, and whether it grows with it or falls."""
+class Rounds:
+    """The rounds of one quantifier, `count` of them, around its body. `frame` is the body's, but for what the variables
+    stand for."""
 
-    constant: int
-    grows: bool
-
-
-def chain(template: Template, margin: int) -> MonotoneDependence | None:
-    """How a number hangs on the constants that differ from round to round, where it is one, in one place, and every
-    step from there to the number is monotone; rounded, it then is, too."""
-    grows = True
-    index = margin
-    while index not in template.constant:
-        node = template.own.get(index)
-        if not isinstance(node, Apply):
-            return None
-        mine = [place for place, arg in enumerate(node.args) if arg in template.own]
-        if len(mine) != 1:
-            return None
-        (place,) = mine
-        primitive = PRIMITIVES[node.primitive]
-        if not primitive.monotone:
-            values = [None if arg in template.own else template.below.value(arg) for arg in node.args]
-            slopes = None if primitive.slopes is None else primitive.slopes(values)
-            if slopes is None:
-                return None
-            grows ^= slopes[place] < 0.0
-        index = node.args[place]
-    return MonotoneDependence(index, grows)
-
-
-def evaluate(template: Template, constant: int, given: npt.NDArray[np.float64]) -> Any:
-    """A constant of a template in every round, (K,); `given` is (variables, K)."""
-    values: dict[int, Any] = dict(zip(template.given, given, strict=True))
-    for slot, kind, *rest in template.steps:
-        if kind == "constant":
-            primitive, args, _ = rest
-            numbers = [values[arg] if arg in values else template.below.value(arg) for arg in args]
-            function = PRIMITIVES[primitive]
-            values[slot] = function.evaluate(NUMPY, *numbers) if function.exact else np.nan
-    return values[constant]
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The rounds of a quantifier: expanded one by one at first, from a template where many are alike, and where an order
-# of constants says which of them count, those alone.
-
-
-FEW = 16  # rounds that are not worth a template
-ALONE = 2  # rounds of a kind that are expanded by themselves first: a mistake shows there, and most kinds are rarer
-MANY = 256  # rounds over numbers of which the hardest alone may be kept
-MAX_MADE = 1_200_000  # steps of templates, of a whole spec; about five seconds
-
-Kind = tuple[object, ...]
-
-
-class InstantiatedTemplate(NamedTuple):
-    """A template with its result, the rounds of quantifiers inside, and the steps that count."""
-
-    template: Template
-    result: int
-    inner: int
-    cost: int
-
-
-class QuantifierRounds:
-    """The rounds of one quantifier, `count` of them, around a body. `formula` expands one, with a template for the
-    kinds of choices (numbers with the same unit, free objects with the same footprint) that come up often."""
-
-    def __init__(
-        self, lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value], frame: CallFrame, count: int
-    ) -> None:
-        self.lowering = lowering
-        self.node = node
-        self.names = [variable.id for variable in node.variables]
-        self.env = env
-        self.frame = frame  # of the body, but for what the variables stand for
-        self.left = count
-        self.seen: dict[Kind, int] = {}
-        self.templates: dict[Kind, InstantiatedTemplate | None] = {}  # with its result, and rounds inside
-        self._kinds: dict[int, object] = {}  # of objects
-
-    def made(self, choice: Sequence[Value]) -> int | None:
-        """The formula of the body for one choice of the variables, if there is a template for it."""
-        if not self.templates:
-            return None
-        kind = self._kind(choice)
-        known = None if kind is None else self.templates.get(kind)
-        if known is None:
-            return None
-        template, result, inner, cost = known
-        lowering = self.lowering
-        lowering.steps += inner
-        lowering.made += cost
-        given = [value.index if isinstance(value, ObjectValue) else value.node for value in choice]  # type: ignore[attr-defined]
-        made = template.make(result, given)
-        self.left -= made is not None
-        return made
+    lowering: Lowering
+    node: ast.Quantifier
+    env: Mapping[str, Value]
+    frame: CallFrame
+    count: int
 
     def formula(self, choice: Sequence[Value]) -> int:
-        """The formula of the body for one choice, expanded by itself. Raises SpecError, and FormulaTooLarge."""
-        lowering = self.lowering
-        self.left -= 1
-        before = lowering.inside
-        chosen = {name: value.moved(value.origin) for name, value in zip(self.names, choice, strict=True)}
-        value = self._body(chosen)
-        formula = lowering.coerce.formula(value, f"the formula of `{self.node.kind}`")
-        if self.left < FEW and not self.templates:
-            return formula
-        kind = self._kind(choice)
-        if kind is not None and kind not in self.templates:
-            self.seen[kind] = self.seen.get(kind, 0) + 1
-            if self.seen[kind] >= ALONE:
-                self.templates[kind] = self._template(choice, self.left)
-        elif self.left:
-            lowering.foresee((lowering.inside - before) * self.left // 2)  # later rounds may have less to do
-        return formula
-
-    def _body(self, chosen: Mapping[str, Value]) -> Value:
-        frame = self.frame
+        """The formula of the body for one choice of the variables. Raises SpecError, and FormulaTooLarge."""
+        frame, lowering = self.frame, self.lowering
+        names = [variable.id for variable in self.node.variables]
+        chosen = {name: value.moved(value.origin) for name, value in zip(names, choice, strict=True)}
         inside = CallFrame(
-            frame.source, frame.calls, frame.text, frame.body, (*frame.where, chosen)[-MOST_VARIABLES:], frame.rounds
+            frame.source,
+            frame.calls,
+            frame.text,
+            frame.body,
+            (*frame.where, chosen)[-MAX_NOTED_VARIABLES:],
+            frame.rounds,
         )
-        return self.lowering.lower(self.node.body, {**self.env, **chosen}, inside)
+        value = lowering.lower(self.node.body, {**self.env, **chosen}, inside)
+        return lowering.coerce.formula(value, f"the formula of `{self.node.kind}`")
 
-    def _kind(self, choice: Sequence[Value]) -> Kind | None:
-        kind: list[object] = []
-        for value in choice:
-            if isinstance(value, ObjectValue):
-                known = self._kinds.get(value.index)
-                if known is None:
-                    coerce = self.lowering.coerce
-                    free = value.index not in coerce.fixed and coerce.footprints
-                    known = self._kinds[value.index] = coerce.covers(value.index) if free else ()
-                if known == ():
-                    return None
-                kind.append(known)
-            elif isinstance(value, NumberValue) and isinstance(self.lowering.builder.nodes[value.node], Const):
-                kind.append(value.unit)
-            else:
-                return None
-        return tuple(kind)
-
-    def _template(self, choice: Sequence[Value], left: int) -> InstantiatedTemplate | None:
-        """The body for a choice of this kind. None where it has no template.
-
-        Raises SpecError and FormulaTooLarge for one that is too large for so many rounds.
-        """
+    def formulas(self, choices: Iterable[Sequence[Value]]) -> list[int]:
+        """Those of all rounds. Raises SpecError, and FormulaTooLarge, early where so many rounds are too many."""
         lowering = self.lowering
-        below, steps = lowering.builder, lowering.steps
-        objects = [value.index for value in choice if isinstance(value, ObjectValue)]
-        longest = max((len(name) for name in below.objects), default=0) if objects else 0
-        template = Template(below, lowering.placeholders, longest)
-        chosen: dict[str, Value] = {}
-        for name, value in zip(self.names, choice, strict=True):
-            if isinstance(value, ObjectValue):
-                stand_in = template.thing()
-                lowering.coerce.stand_ins[stand_in] = lowering.coerce.covers(value.index)
-                chosen[name] = ObjectValue(stand_in, origin=value.origin)
-            elif isinstance(value, NumberValue):
-                chosen[name] = NumberValue(template.number(), value.unit, origin=value.origin)
-        lowering.use(template)
-        try:
-            value = self._body(chosen)
-            result = lowering.coerce.formula(value, "")
-        except (DependsOnValue, SpecError):
-            return None  # a mistake shows again, where it belongs, in the round itself
-        finally:
-            lowering.use(below)
-        inner = lowering.steps - steps
-        lowering.steps = steps
-        cost = template.cost
-        if lowering.made + cost * left > MAX_MADE:
-            raise FormulaTooLarge(f"takes more than {MAX_MADE:,} steps to expand the rounds of its quantifiers")
-        count_rounds(lowering, inner * left, self.node, self.frame)
-        return InstantiatedTemplate(template, result, inner, cost)
-
-    # ---- rounds over numbers, of which the hardest are enough
+        formulas = []
+        for done, choice in enumerate(choices, 1):
+            before = lowering.inside
+            formulas.append(self.formula(choice))
+            if UNFORESEEN_ROUNDS < done < self.count:  # later rounds may have less to do
+                lowering.foresee((lowering.inside - before) * (self.count - done) // 2)
+        return formulas
 
     def hardest(self, domain: range) -> list[int] | None:
         """The formulas of the rounds over numbers that the others follow from, if that is known.
 
         Atoms that differ in a constant only, and grow with it, rounding included, are all satisfied by the same margin
-        or more where the one with the smallest constant is: a minimum is that atom, whatever the scene.
+        or more where the one with the smallest constant is: a minimum is that atom, whatever the scene. The body is
+        expanded once with numbers that stand for those of all rounds, to see that, and then for the rounds kept.
         """
-        lowering = self.lowering
-        if lowering.builder.nodes is not lowering.root.nodes or self.left < MANY:
+        builder = self.lowering.builder
+        if self.count < MIN_FOLDED_ROUNDS:
             return None
-        number = NumberValue(
-            lowering.builder.const(float(domain[0])), BARE, origin=self.node.domain.span(self.frame.source)
-        )
-        found = self._template([number] * len(self.names), 1)
-        if found is None or found.inner:
-            return None
-        template, result, *_ = found
         kind: Literal["min", "max"] = "min" if self.node.kind == "forall" else "max"
-        parts = _parts(template, result, kind)
-        if parts is None:
+        choices = np.array(list(combinations(domain, len(self.node.variables))), dtype=np.float64).T
+        try:
+            atoms, hardest = self._atoms_of_all(kind, choices)
+            kept = {choice: _parts(builder, self._formula_of(choice), kind) for choice in set(hardest.values())}
+        except (DependsOnRound, SpecError):
+            return None  # a mistake shows again, where it belongs, in the round itself
+        if any(len(parts) != len(atoms) for parts in kept.values()):
             return None
-        remark = f" (the {'tightest' if kind == 'min' else 'loosest'} of {self.left:,})"
-        choices = np.array(list(combinations(domain, len(self.names))), dtype=np.float64).T
-        formulas = []
-        for part, hanging in parts:
-            if hanging is None:
-                formulas.append(part)
+        remark = f" (the {'tightest' if kind == 'min' else 'loosest'} of {self.count:,})"
+        for place, choice in hardest.items():
+            atoms[place] = builder.remarked(kept[choice][place], remark)
+        return atoms
+
+    def _formula_of(self, choice: Sequence[float]) -> int:
+        """The formula of a round over numbers."""
+        origin = self.node.domain.span(self.frame.source)
+        builder = self.lowering.builder
+        return self.formula([NumberValue(builder.const(number), BARE, origin=origin) for number in choice])
+
+    def _atoms_of_all(
+        self, kind: Literal["min", "max"], choices: Array
+    ) -> tuple[list[int], dict[int, tuple[float, ...]]]:
+        """The atoms of the body with numbers that stand for those of all rounds, and, for those (by their place) that
+        depend on them, the numbers of the hardest round. `choices` is (variables, K). Raises SpecError, and
+        DependsOnRound where anything else is in the body."""
+        builder = self.lowering.builder
+        origin = self.node.domain.span(self.frame.source)
+        variables = [builder.variable(variable.id) for variable in self.node.variables]
+        try:
+            body = self.formula([NumberValue(variable, BARE, origin=origin) for variable in variables])
+            varying = frozenset(builder.varying)
+        finally:
+            builder.varying.clear()
+        parts = _parts(builder, body, kind)
+        nodes = builder.nodes
+        dependent = set(varying)
+        for index in range(variables[0], len(nodes)):
+            if not dependent.isdisjoint(children(nodes[index])):
+                dependent.add(index)
+        values: dict[int, Any] = dict(zip(variables, choices, strict=True))
+        hardest = {}
+        for place, part in enumerate(parts):
+            if part not in dependent:
                 continue
-            numbers = _extreme(template, hanging, kind, choices)
-            made = None if numbers is None else template.make(part, list(map(lowering.builder.const, numbers)), remark)
-            if made is None:
-                return None
-            formulas.append(made)
-        return formulas
+            atom = nodes[part]
+            if not isinstance(atom, Atom):
+                raise DependsOnRound
+            constant, grows = _dependence(builder, atom.margin, dependent, varying)
+            numbers = _evaluate(builder, constant, values)
+            best = numbers.argmin() if grows == (kind == "min") else numbers.argmax()
+            hardest[place] = tuple(choices[:, best].tolist())
+        return parts, hardest
 
 
-def _parts(template: Template, result: int, kind: str) -> list[tuple[int, MonotoneDependence | None]] | None:
-    """What a formula is the junction of: atoms that hang on one constant each, and what is the same in every round
-    (None). None where there is anything else."""
-    found: list[tuple[int, MonotoneDependence | None]] = []
-    waiting = [result]
+def _parts(builder: CoreBuilder, formula: int, kind: str) -> list[int]:
+    """What a formula is the junction of, in order."""
+    parts = []
+    waiting = [formula]
     while waiting:
         index = waiting.pop()
-        node = template.own.get(index)
-        if node is None:
-            found.append((index, None))
-        elif isinstance(node, Junction) and node.kind == kind and len(node.args) > 1:
+        node = None if index < 0 else builder.nodes[index]
+        if isinstance(node, Junction) and node.kind == kind:
             waiting.extend(reversed(node.args))
-        elif isinstance(node, Atom) and (one := chain(template, node.margin)) is not None:
-            found.append((index, one))
         else:
-            return None
-    return found
+            parts.append(index)
+    return parts
 
 
-def _extreme(template: Template, hanging: MonotoneDependence, kind: str, choices: Array) -> list[float] | None:
-    """The numbers of the round whose constant makes a margin smallest ("min") or largest; None where that is not
-    known. `choices` is (variables, K)."""
-    with np.errstate(all="ignore"):
-        values = np.broadcast_to(evaluate(template, hanging.constant, choices), choices.shape[1:])
-    if not np.isfinite(values).all():
-        return None
-    smallest = hanging.grows == (kind == "min")
-    numbers: list[float] = choices[:, values.argmin() if smallest else values.argmax()].tolist()
-    return numbers
+def _dependence(
+    builder: CoreBuilder, margin: int, dependent: Collection[int], varying: Collection[int]
+) -> tuple[int, bool]:
+    """The number that variables alone decide (`varying`) and that a margin depends on, in one place, and whether it
+    grows with it or falls: every step from there to the margin is monotone; rounded, it then is, too. Raises
+    DependsOnRound where it is not so."""
+    grows = True
+    index = margin
+    while index not in varying:
+        node = builder.nodes[index]
+        places = [place for place, arg in enumerate(children(node)) if arg in dependent]
+        if not isinstance(node, Apply) or len(places) != 1:
+            raise DependsOnRound
+        primitive = PRIMITIVES[node.primitive]
+        if not primitive.monotone:
+            values = [None if arg in dependent else builder.value(arg) for arg in node.args]
+            slopes = None if primitive.slopes is None else primitive.slopes(values)
+            if slopes is None:
+                raise DependsOnRound
+            grows ^= slopes[places[0]] < 0.0
+        index = node.args[places[0]]
+    return index, grows
 
 
-MAX_STEPS = 200_000  # rounds of all quantifiers of a spec together
-MOST_FORESEEN = 10 * MAX_STEPS  # refused at once, in case that later rounds of an outer one have less to do inside
-LONGEST = 40  # characters of the domain that a sub-formula's name shows
+def _evaluate(builder: CoreBuilder, number: int, values: dict[int, Any]) -> Any:
+    """A number that variables alone decide in every round, (K,); of `values` that are known, which grow by this one.
+    Raises DependsOnRound where another library might round it differently, or it is not finite somewhere."""
+    if number not in values:
+        node = builder.nodes[number]
+        if isinstance(node, Const):
+            return node.value
+        if not isinstance(node, Apply) or not PRIMITIVES[node.primitive].exact:
+            raise DependsOnRound
+        args = [_evaluate(builder, arg, values) for arg in node.args]
+        with np.errstate(all="ignore"):
+            values[number] = PRIMITIVES[node.primitive].evaluate(NUMPY, *args)
+        if not np.isfinite(values[number]).all():
+            raise DependsOnRound
+    return values[number]
 
 
 def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value], frame: CallFrame) -> Value:
     """The junction of the body over the domain. Several variables over a list take unordered groups of its members,
-    over `consecutive(list)` neighbours, over a range increasing numbers. Raises SpecError, and FormulaTooLarge."""
+    over `consecutive(list)` neighbours, over a range increasing numbers; what does not depend on the rounds around is
+    expanded once for all of them. Raises SpecError, and FormulaTooLarge."""
+    if lowering.builder.varying:
+        raise DependsOnRound
+    if not frame.where:
+        return _expand(lowering, node, env, frame)
+    if id(node) not in lowering.named_in:
+        lowering.named_in[id(node)] = {one.id for one, _ in ast.walk(node) if isinstance(one, ast.Name)}
+    values = [env[name] for name in env if name in lowering.named_in[id(node)]]
+    key = (id(node), frame.calls, *map(key_of, values))
+    if key not in lowering.expansions:
+        lowering.expansions[key] = (_expand(lowering, node, env, frame), values)
+    return lowering.expansions[key][0]
+
+
+def _expand(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value], frame: CallFrame) -> Value:
     names = [variable.id for variable in node.variables]
     domain: Value | range
     if isinstance(node.domain, ast.Range):
@@ -312,17 +237,12 @@ def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value],
     count_rounds(lowering, count, node, frame, around)
     lowering.steps += count
     inside = CallFrame(frame.source, frame.calls, frame.text, frame.body, frame.where, around)
-    rounds = QuantifierRounds(lowering, node, env, inside, count)
+    rounds = Rounds(lowering, node, env, inside, count)
     formulas = rounds.hardest(domain) if isinstance(domain, range) else None
     if formulas is None:
-        formulas = []
-        for choice in choices:
-            formula = rounds.made(choice)
-            if formula is None:
-                formula = rounds.formula(choice)
-            formulas.append(formula)
+        formulas = rounds.formulas(choices)
     shown = print_expr(node.domain)
-    shown = shown if len(shown) <= LONGEST else shown[:LONGEST] + "..."
+    shown = shown if len(shown) <= MAX_DOMAIN_LENGTH else shown[:MAX_DOMAIN_LENGTH] + "..."
     text = frame.text if node is frame.body else f"{node.kind} {', '.join(names)} in {shown}"
     kind: Literal["min", "max"] = "min" if node.kind == "forall" else "max"
     return FormulaValue(lowering.builder.junction(kind, formulas, text), origin=origin)
@@ -330,13 +250,13 @@ def quantify(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value],
 
 def count_rounds(lowering: Lowering, more: int, node: ast.Quantifier, frame: CallFrame, foreseen: int = 0) -> None:
     """Raises SpecError where a quantifier takes too many rounds, with what is foreseen for those around it."""
-    if lowering.steps + more > MAX_STEPS or foreseen > MOST_FORESEEN:
+    if lowering.steps + more > MAX_ROUNDS or foreseen > MAX_FORESEEN_STEPS:
         raise too_many(lowering, node.domain, frame)
 
 
 def too_many(lowering: Lowering, node: ast.Expr, frame: CallFrame) -> SpecError:
     """Nested quantifiers make a spec larger than its text shows."""
-    return lowering.error(SPEC_TOO_LARGE, node, frame, limit=MAX_STEPS)
+    return lowering.error(SPEC_TOO_LARGE, node, frame, limit=MAX_ROUNDS)
 
 
 def _range(lowering: Lowering, node: ast.Range, env: Mapping[str, Value], frame: CallFrame) -> range | AnyValue:
@@ -351,7 +271,7 @@ def _range(lowering: Lowering, node: ast.Range, env: Mapping[str, Value], frame:
         written = isinstance(node.lowest, ast.Quantity) and isinstance(node.highest, ast.Quantity)
         instead = f"{highest}..{lowest}" if written else None
         raise lowering.error(EMPTY_RANGE, node, frame, lowest=lowest, highest=highest, instead=instead)
-    if highest - lowest >= MAX_STEPS:
+    if highest - lowest >= MAX_ROUNDS:
         raise too_many(lowering, node, frame)
     return range(lowest, highest + 1)
 

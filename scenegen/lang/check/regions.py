@@ -21,8 +21,8 @@ from scenegen.errors.language import MISPLACED_VALUE, NOT_CONSTANT
 from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.geometry.footprint import convex_hull, is_convex
 from scenegen.geometry.primitives import BARE, LENGTH
-from scenegen.geometry.workspace import BOARD, FARTHEST, LARGEST, SMALLEST, Workspace
-from scenegen.lang.check.names import AREAS, SHAPES, bind
+from scenegen.geometry.workspace import BOARD, LARGEST, MAX_COORDINATE, SMALLEST, Workspace
+from scenegen.lang.check.names import AREAS, SHAPE_WORDS, bind
 from scenegen.lang.check.scope import Declared, Signature
 from scenegen.lang.check.values import (
     AnyValue,
@@ -42,10 +42,6 @@ from scenegen.things.library import COLOR_WORDS, hex_of
 
 if TYPE_CHECKING:
     from scenegen.lang.check.lowering import Lowering
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Constant numbers, points and sizes: what declarations are made of.
 
 
 SIGNATURES = {
@@ -77,8 +73,8 @@ def point(lowering: Lowering, value: Value, what: str) -> Point:
     x, y = (lowering.builder.value(node) for node in (value.x, value.y))
     if x is None or y is None:
         raise SpecError(NOT_CONSTANT(value.origin, what=what))
-    if max(abs(x), abs(y)) > FARTHEST:
-        raise SpecError(SIZE_OUT_OF_RANGE(value.origin, what=what, limit=FARTHEST))
+    if max(abs(x), abs(y)) > MAX_COORDINATE:
+        raise SpecError(SIZE_OUT_OF_RANGE(value.origin, what=what, limit=MAX_COORDINATE))
     return x, y
 
 
@@ -103,7 +99,7 @@ def arguments(lowering: Lowering, call: ast.Call, source: Source) -> Arguments:
         if name == "color":
             values[name] = (AnyValue(origin=expr.span(source)), expr)
             continue
-        if isinstance(expr, ast.Text) or (isinstance(expr, ast.Call) and expr.function.id in SHAPES):
+        if isinstance(expr, ast.Text) or (isinstance(expr, ast.Call) and expr.function.id in SHAPE_WORDS):
             what = "a text" if isinstance(expr, ast.Text) else "a shape"
             usage = SIGNATURES[call.function.id].usage
             raise SpecError(MISPLACED_VALUE(expr.span(source), what=what, parameter=name, usage=usage))
@@ -140,7 +136,7 @@ def corners(lowering: Lowering, value: Value, expr: ast.Expr, source: Source) ->
 
 
 ROUNDING = 1e-9  # metres: heights in a text are rounded
-NARROWEST = 1e-9  # least width of the workspace, relative to its distance from the origin
+MIN_REGION_WIDTH = 1e-9  # least width of the workspace, relative to its distance from the origin
 
 
 def workspace(lowering: Lowering, source: Source, statement: ast.Workspace) -> Workspace:
@@ -155,9 +151,9 @@ def _interval(lowering: Lowering, source: Source, interval: ast.Interval, axis: 
         ends.append(number(lowering, value, expr, source, "the workspace"))
     lowest, highest = ends
     here = interval.span(source)
-    if max(abs(lowest), abs(highest)) > FARTHEST:
-        raise SpecError(SIZE_OUT_OF_RANGE(here, what=f"this interval of {axis}", limit=FARTHEST))
-    if 0.0 < highest - lowest < NARROWEST * max(1.0, abs(lowest), abs(highest)):
+    if max(abs(lowest), abs(highest)) > MAX_COORDINATE:
+        raise SpecError(SIZE_OUT_OF_RANGE(here, what=f"this interval of {axis}", limit=MAX_COORDINATE))
+    if 0.0 < highest - lowest < MIN_REGION_WIDTH * max(1.0, abs(lowest), abs(highest)):
         raise SpecError(EMPTY_INTERVAL(here, axis=axis, narrow=True))
     if not lowest < highest:
         swapped = f"[{highest:g}, {lowest:g}]" if lowest > highest else None
@@ -244,6 +240,6 @@ def _area(lowering: Lowering, declared: Declared) -> Area:
         low_x, high_x, low_y, high_y = min(left, right), max(left, right), min(bottom, top), max(bottom, top)
         mended = f"rect({low_x:g}, {low_y:g}, {high_x:g}, {high_y:g})" if low_x < high_x and low_y < high_y else None
         raise SpecError(FLAT_RECTANGLE(call.span(source), side=side, mended=mended))
-    if max(abs(left), abs(bottom), abs(right), abs(top)) > FARTHEST:
-        raise SpecError(SIZE_OUT_OF_RANGE(call.span(source), what="this region", limit=FARTHEST))
+    if max(abs(left), abs(bottom), abs(right), abs(top)) > MAX_COORDINATE:
+        raise SpecError(SIZE_OUT_OF_RANGE(call.span(source), what="this region", limit=MAX_COORDINATE))
     return rectangle(left, bottom, right, top)

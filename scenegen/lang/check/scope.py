@@ -335,10 +335,6 @@ def _infer_objects(source: Source, placed: Sequence[SourcedStatement], bare: ast
                 scope.things.setdefault(node.id, DeclaredObject(where, node))
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The definitions of the prelude with what its comments say of them.
-
-
 @dataclass(frozen=True)
 class RelationEntry:
     """A definition with the comment above it, which is its meaning."""

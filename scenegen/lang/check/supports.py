@@ -28,7 +28,7 @@ from scenegen.errors.declarations import (
     WRONG_NUMBER_OF_PLACES,
 )
 from scenegen.geometry import MATH, PRIMITIVES
-from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, Polygon, clipped, standing_area
+from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, Polygon, clip, standing_area
 from scenegen.geometry.primitives import BARE, LENGTH
 from scenegen.geometry.workspace import BOARD, Workspace
 from scenegen.lang.check.objects import not_open
@@ -226,7 +226,7 @@ def refuse_circles(found: Mapping[int, Options], names: Sequence[str], spans: Ma
             stack.extend((under.carrier, False) for under in found.get(which, ()) if under.carrier is not None)
 
 
-def spread(
+def support_boxes(
     space: Workspace, found: Mapping[int, Options], fixed: Mapping[int, Pose], switches: Sequence[int] = ()
 ) -> Workspace:
     """The workspace with a box of its own for each object that stands on something: the box of what carries it and as
@@ -257,7 +257,7 @@ def _box(under: Support, space: Workspace, boxes: Mapping[int, Rectangle]) -> Re
     return (x0 - far, x1 + far), (y0 - far, y1 + far)
 
 
-def empty(space: Workspace, spans: Mapping[int, Span], names: Sequence[str]) -> list[Diagnostic]:
+def empty_supports(space: Workspace, spans: Mapping[int, Span], names: Sequence[str]) -> list[Diagnostic]:
     """A diagnostic for each object whose surface lies outside of the workspace."""
     return [
         OUTSIDE_WORKSPACE(spans[which], name=names[which])
@@ -275,7 +275,7 @@ def standing_on(lowering: Lowering, found: Mapping[int, Support], spans: Mapping
         if under.carrier is None and isinstance(under.outline, Box) and which not in lowering.coerce.fixed:
             continue  # its box is the region
         text = f"{builder.objects[which]} on {under.name}"
-        part = _on(lowering, which, under, text, spans[which])
+        part = _support_formula(lowering, which, under, text, spans[which])
         if part == FALSE:
             raise SpecError(NOT_ON_SURFACE(spans[which], name=builder.objects[which], surface=under.name))
         if part != TRUE:
@@ -290,7 +290,7 @@ def standing_on(lowering: Lowering, found: Mapping[int, Support], spans: Mapping
     return formulas
 
 
-def _on(lowering: Lowering, which: int, under: Support, text: str, span: Span) -> int:
+def _support_formula(lowering: Lowering, which: int, under: Support, text: str, span: Span) -> int:
     """An object's centre is on a surface, or all of it between the walls."""
     builder, coerce = lowering.builder, lowering.coerce
     zero = builder.const(0.0)
@@ -313,17 +313,13 @@ def _on_one(lowering: Lowering, which: int, choice: SurfaceChoice, span: Span) -
     builder, name = lowering.builder, lowering.builder.objects[which]
     switch = builder.coord(choice.switch, X)
     parts = []
-    for low, high, options in grouped(choice):
+    for low, high, options in group_options(choice):
         text = f"{name} on {' or '.join(one.name for one in options)}"
         ends = [builder.atom(builder.const(low), switch, text, BARE, (span,))] if low > 0.0 else []
         ends += [builder.atom(switch, builder.const(high), text, BARE, (span,))] if high < 1.0 else []
-        parts.append(builder.junction("min", [*ends, _on(lowering, which, options[0], text, span)], text))
+        parts.append(builder.junction("min", [*ends, _support_formula(lowering, which, options[0], text, span)], text))
     names = ", ".join(one.name for one in choice.options)
     return builder.junction("max", parts, f"{name} on any of [{names}]")
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The surfaces of a choice, and their shares of its switch.
 
 
 def area_of(upper: Footprint, one: Support) -> float:
@@ -360,7 +356,7 @@ def cut_off(under: Support, space: Workspace) -> Support | None:
     if isinstance(under.outline, Box):
         outline, (x, y) = Box(right - left, top - bottom), ((left + right) / 2.0, (bottom + top) / 2.0)
     else:
-        points = clipped(under.outline.vertices, (left - x, bottom - y, right - x, top - y))
+        points = clip(under.outline.vertices, (left - x, bottom - y, right - x, top - y))
         if len(points) < 3:
             return None
         outline = Polygon(points)
@@ -368,7 +364,7 @@ def cut_off(under: Support, space: Workspace) -> Support | None:
     return Support(under.name, None, outline, under.height, pose=(x, y, 0.0), box=box)
 
 
-def grouped(choice: SurfaceChoice) -> Iterator[tuple[float, float, tuple[Support, ...]]]:
+def group_options(choice: SurfaceChoice) -> Iterator[tuple[float, float, tuple[Support, ...]]]:
     """Neighbouring options with one outline at one place, such as the boards of a shelf, and where they lie on the
     switch."""
     low = 0.0
@@ -384,11 +380,7 @@ def _place(one: Support) -> tuple[object, ...]:
     return one.carrier, one.outline, one.walled, one.pose
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Requirements beside declared supports: what contradicts them, and what they make superfluous.
-
-
-DEPTH = 4  # of min and max in a margin that is taken apart: apart() has two
+MAX_SPLIT_DEPTH = 4  # of min and max in a margin that is taken apart: apart() has two
 
 
 def clashing(
@@ -425,7 +417,7 @@ def clashing(
     return None
 
 
-def relaxed(lowering: Lowering, formula: int, known: AbstractSet[int]) -> int:
+def without_supports(lowering: Lowering, formula: int, known: AbstractSet[int]) -> int:
     """A requirement that is satisfied by the same scenes, without the constants in it and without the atoms `known` to
     be required already: of what is required only the sign counts, most pairs of `noCollision` are apart by their
     heights, and what stands in a tray is clear of its walls."""
@@ -443,7 +435,7 @@ def relaxed(lowering: Lowering, formula: int, known: AbstractSet[int]) -> int:
         if isinstance(node, Junction):
             made[index] = builder.junction(node.kind, [made[part] for part in node.args], node.text)
         elif isinstance(node, Atom):
-            made[index] = _split(lowering, node.margin, node, margins, DEPTH)
+            made[index] = _split(lowering, node.margin, node, margins, MAX_SPLIT_DEPTH)
     return made[formula]
 
 

@@ -20,10 +20,6 @@ from scenegen.lang.spec import Pose
 from scenegen.lang.syntax import ast
 from scenegen.things.furniture import SupportSurface
 
-# --------------------------------------------------------------------------------------------------------------------
-# Regions and their named points: what `placemat.left` and `workspace.center` stand for.
-
-
 Point = tuple[float, float]
 
 
@@ -106,11 +102,7 @@ def board_gap(one: Area, other: Area) -> float:
     return max(beside, one.z - min(BOARD, one.z) - other.z, other.z - min(BOARD, other.z) - one.z)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Values.
-
-
-LONGEST = 40  # characters of the user's text that a help line repeats
+MAX_ECHO_LENGTH = 40  # characters of the user's text that a help line repeats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -239,7 +231,7 @@ class AnyValue(Value):
     """A parameter of a definition that nobody calls: it may be anything, so only the rest of the body is checked."""
 
 
-MOST_VARIABLES = 4  # how many variables of quantifiers a note names
+MAX_NOTED_VARIABLES = 4  # how many variables of quantifiers a note names
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,14 +286,14 @@ def _remedy(value: Value, wanted: str, role: str) -> str:
         return "it stands in a quantifier: forall p, q in consecutive(items): ..."
     if isinstance(value, ListValue) and "surface" in wanted:
         written = value.origin.text
-        if written.startswith("[") or len(written) > LONGEST:
+        if written.startswith("[") or len(written) > MAX_ECHO_LENGTH:
             return "one of several in each scene is `on any of [...]`, with all of them in one list"
         return f"take one of them, {written}[1], or one of them in each scene: on any of {written}"
     if isinstance(value, ListValue):
         written = value.origin.text
         if not value.items:
             return ""
-        if len(written) > LONGEST:
+        if len(written) > MAX_ECHO_LENGTH:
             written = "items"
         return f"take one of them, {written}[1], or all: forall p in {written}: ..."
     if wanted == "a list" and isinstance(value, ObjectValue):
@@ -322,18 +314,13 @@ def _remedy(value: Value, wanted: str, role: str) -> str:
     return ""
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Values held against the kind that their place demands.
-
-
 @dataclass(slots=True)
 class Coercion:
     """Turns values into what the core is built of. Every method raises SpecError for a value of another kind.
 
     `any` is the number that stands for a parameter which nobody has given a value. `footprints` has one entry per
     object, none while the objects are still being declared; `fixed` holds the poses of those that do not move: their
-    coordinates are constants. `stand_ins` has the footprints of objects that stand for many
-    (scenegen.lang.check.template).
+    coordinates are constants.
     """
 
     scope: Scope
@@ -341,7 +328,6 @@ class Coercion:
     any: float
     footprints: tuple[Footprint, ...] = ()
     fixed: Mapping[int, Pose] = field(default_factory=dict)
-    stand_ins: dict[int, Footprint] = field(default_factory=dict)
 
     def wrong(self, value: Value, wanted: str, place: str) -> SpecError:
         """What is wrong with a value's kind; `place` says what wanted it where the value has no role."""
@@ -429,7 +415,7 @@ class Coercion:
 
     def covers(self, index: int) -> Footprint:
         """What an object covers, in its own frame."""
-        return self.footprints[index] if index < len(self.footprints) else self.stand_ins[index]
+        return self.footprints[index]
 
 
 def key_of(value: Value) -> object:

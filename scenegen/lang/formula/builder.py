@@ -20,17 +20,14 @@ from scenegen.lang.formula.core import (
     Junction,
     Moment,
     Node,
+    Variable,
     Window,
     children,
-    moved,
+    renumber,
 )
 from scenegen.pose import NAMES
 
-# --------------------------------------------------------------------------------------------------------------------
-# Numbers of the core formula in the words of the language.
-
-
-LONGEST = 120  # characters; what is cut off is marked with three dots
+MAX_TEXT_LENGTH = 120  # characters; what is cut off is marked with three dots
 
 _SHAPES = {"Circle": "circle", "Box": "rect", "Polygon": "polygon"}  # regions, whose names the core does not keep
 _INFIX = {"add": (1, "+"), "sub": (1, "-"), "mul": (2, "*"), "div": (2, "/")}
@@ -46,7 +43,7 @@ def describe(nodes: Sequence[Node], objects: Sequence[str], index: int) -> str:
     out: list[str] = []
     length = 0
     stack: list[str | tuple[int, int]] = [(index, 0)]
-    while stack and length <= LONGEST:
+    while stack and length <= MAX_TEXT_LENGTH:
         item = stack.pop()
         if isinstance(item, str):
             out.append(item)
@@ -54,13 +51,15 @@ def describe(nodes: Sequence[Node], objects: Sequence[str], index: int) -> str:
             continue
         stack.extend(reversed(_pieces(nodes, objects, *item)))
     text = "".join(out)
-    return text if not stack and length <= LONGEST else text[:LONGEST] + "..."
+    return text if not stack and length <= MAX_TEXT_LENGTH else text[:MAX_TEXT_LENGTH] + "..."
 
 
 def _pieces(nodes: Sequence[Node], objects: Sequence[str], index: int, demanded: int) -> list[str | tuple[int, int]]:
     match nodes[index]:
         case Const(value):
             return [number_text(value)]
+        case Variable(name):
+            return [name]
         case Coord(which, axis):
             return [f"{NAMES[axis]}({objects[which]})"]
         case Apply("neg", (value,)):
@@ -133,6 +132,10 @@ MAX_NODES = 1_000_000
 RIGHT_ANGLE = 1e-15  # sines and cosines of constants that are smaller count as 0
 
 
+class DependsOnRound(Exception):  # noqa: N818 - a signal to the quantifier
+    """What a body means depends on the number that a variable stands for in a round."""
+
+
 class FormulaTooLarge(Exception):  # noqa: N818 - a signal to the checker, which words the diagnostic
     """The spec that there is too much of: what it does, in words."""
 
@@ -148,6 +151,7 @@ class CoreBuilder:
         self._sides: dict[int, tuple[int, int]] = {}  # of an atom, the numbers that it compares
         self.moving = 0  # objects that have coordinates of the moment before, too: all, in a spec over time
         self.called: dict[int, str] = {}  # numbers that have words of their own: speed(mug)
+        self.varying: set[int] = set()  # numbers that `variable`s alone decide, while there are any
 
     def _add(self, node: Node, key: object) -> int:
         known = self._index.get(key)
@@ -157,8 +161,6 @@ class CoreBuilder:
             known = self._index[key] = len(self.nodes)
             self.nodes.append(node)
         return known
-
-    # ---- numbers
 
     def const(self, value: float) -> int:
         return self._add(Const(value), ("const", value, math.copysign(1.0, value)))
@@ -171,20 +173,22 @@ class CoreBuilder:
         """The coordinate of an object at the moment before; at the first moment, at that one."""
         return self.coord(self.moving + index, axis)
 
+    def variable(self, name: str) -> int:
+        """A number that stands for those of all rounds of a quantifier, until `varying` is emptied."""
+        number = self._add(Variable(name), ("variable", len(self.nodes)))
+        self.varying.add(number)
+        return number
+
     def value(self, number: int) -> float | None:
         """The value of a constant number, None of one that depends on the scene."""
         node = self.nodes[number]
         return node.value if isinstance(node, Const) else None
 
-    def divisor(self, number: int) -> float | None:
-        """The value of a constant, or of one that stands for many."""
-        return self.value(number)
-
     def apply(self, primitive: str, args: Sequence[int], shapes: tuple[Footprint, ...] = ()) -> int:
         """A primitive over numbers; over constants alone it is computed now. Raises OverflowError for infinity."""
         nodes = self.nodes
         values = [node.value if isinstance(node := nodes[arg], Const) else None for arg in args]
-        short = self.shortened(primitive, args, values)
+        short = self._simpler(primitive, args, values)
         if short is not None:
             return short
         known = [value for value in values if value is not None]
@@ -199,9 +203,12 @@ class CoreBuilder:
             return args[0]
         key = (primitive, tuple(args), shapes)
         known_ = self._index.get(key)
-        return self._add(Apply(*key), key) if known_ is None else known_
+        result_ = self._add(Apply(*key), key) if known_ is None else known_
+        if self.varying and all(isinstance(nodes[arg], Const) or arg in self.varying for arg in args):
+            self.varying.add(result_)
+        return result_
 
-    def shortened(self, primitive: str, args: Sequence[int], values: Sequence[float | None]) -> int | None:
+    def _simpler(self, primitive: str, args: Sequence[int], values: Sequence[float | None]) -> int | None:
         """A number that needs no primitive: x + 0, x * 1. `values` are those of the arguments that are constants."""
         if primitive == "mul":
             if 1.0 in values:  # an ANGLE_SCALE of 1 costs nothing
@@ -216,17 +223,9 @@ class CoreBuilder:
         alike = PRIMITIVES[primitive].vanishes and args[: len(args) // 2] == args[len(args) // 2 :]
         return self.const(0.0) if alike else None
 
-    def plain(self, primitive: str, args: tuple[int, ...], shapes: tuple[Footprint, ...]) -> int:
-        """`apply` for arguments of which none is constant and no two are alike."""
-        key = (primitive, args, shapes)
-        known = self._index.get(key)
-        return self._add(Apply(primitive, args, shapes), key) if known is None else known
-
     def text(self, number: int) -> str:
         """A number as the text of an atom shows it."""
         return self.called.get(number) or describe(self.nodes, self.objects, number)
-
-    # ---- formulas
 
     def atom(self, lower: int, upper: int, text: str, unit: Unit, spans: tuple[Span, ...]) -> int:
         """lower <= upper, with the margin upper - lower; its negation has lower - upper, which rounds to the same."""
@@ -241,10 +240,16 @@ class CoreBuilder:
             self._sides[known] = lower, upper
         return known
 
+    def remarked(self, index: int, remark: str) -> int:
+        """An atom with a remark at the end of its text."""
+        atom = self.nodes[index]
+        assert isinstance(atom, Atom)
+        return self.atom_of(atom.margin, *self._sides[index], atom.text + remark, atom.unit, atom.spans)
+
     def _opposite(self, index: int, atom: Atom) -> None:
         """Makes the negation of an atom: most are never asked for."""
         lower, upper = self._sides[index]
-        text = _negated(atom.text)
+        text = _negation_text(atom.text)
         margin = self.apply("sub", (lower, upper))
         fails = self._add(Atom(margin, text, atom.unit, atom.spans), ("atom", margin, text))
         self._negation[index] = fails
@@ -291,7 +296,7 @@ class CoreBuilder:
         if isinstance(node, Everywhere):
             return self.everywhere(not node.holds)
         assert isinstance(node, Junction | Window | BoundedUntil | Moment)
-        text = _negated(node.text) if node.text else ""
+        text = _negation_text(node.text) if node.text else ""
         if isinstance(node, Moment):
             return self.moment(node.which, parts[0], text)
         kind: Literal["min", "max"] = "max" if node.kind == "min" else "min"
@@ -300,8 +305,6 @@ class CoreBuilder:
         if isinstance(node, BoundedUntil):
             return self.until(kind, parts[0], parts[1], node.lowest, node.highest, node.closed, text)
         return self.junction(kind, parts, text)
-
-    # ---- formulas over time
 
     def everywhere(self, holds: bool) -> int:
         """What holds at every moment, or at none, beside formulas that end with the horizon."""
@@ -333,8 +336,6 @@ class CoreBuilder:
             return part
         return self._add(Moment(which, part, text), ("moment", which, part))
 
-    # ---- the end
-
     def finish(self, labels: dict[str, int], requirement: int | None = None) -> Core:
         """The core of these labels: every node after those that it is computed from, and the first label's first.
 
@@ -349,7 +350,7 @@ class CoreBuilder:
             if index < 0:  # all that it is computed from has its place
                 if ~index not in place:
                     place[~index] = len(nodes)
-                    nodes.append(moved(self.nodes[~index], place))
+                    nodes.append(renumber(self.nodes[~index], place))
             elif index not in place:
                 needed = children(self.nodes[index])
                 if needed:
@@ -362,7 +363,7 @@ class CoreBuilder:
         return Core(tuple(nodes), {name: place[index] for name, index in labels.items()}, self.objects, kept)
 
 
-def _negated(text: str) -> str:
+def _negation_text(text: str) -> str:
     """`!text`, with the parentheses it needs; a double negation falls away."""
     if text.startswith("!"):
         inner = text[1:]

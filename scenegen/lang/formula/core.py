@@ -112,7 +112,15 @@ Temporal = Window | BoundedUntil | Moment | Everywhere
 """Formulas over time. Only the core of a spec over time has them; scenegen.lang.formula.timed takes them out of it, and
 no reader of a core formula ever meets one."""
 
-Node = Const | Coord | Apply | Atom | Junction | Window | BoundedUntil | Moment | Everywhere
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """The numbers that a variable of a quantifier stands for, all at once. Only a builder has it: in no core is one."""
+
+    name: str
+
+
+Node = Const | Coord | Apply | Atom | Junction | Temporal | Variable
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,25 +140,25 @@ class Core:
 REQUIRE = "require"  # a keyword, so no label of a spec has this name
 
 
-def gated(core: Core) -> Core:
+def gate(core: Core) -> Core:
     """The core with its requirement as one label more, the last: what samplers hold every scene against."""
     if core.requirement is None:
         return core
     return replace(core, labels={**core.labels, REQUIRE: core.requirement}, requirement=None)
 
 
-def needed(core: Core) -> set[int]:
+def needed_nodes(core: Core) -> set[int]:
     """The nodes that phi of any label depends on."""
-    return below(core.nodes, core.labels.values())
+    return nodes_below(core.nodes, core.labels.values())
 
 
 def read_rows(core: Core) -> set[int]:
     """The rows of (3N, B) storage that phi of any label depends on."""
-    nodes = [core.nodes[index] for index in needed(core)]
+    nodes = [core.nodes[index] for index in needed_nodes(core)]
     return {node.row for node in nodes if isinstance(node, Coord)}
 
 
-def below(nodes: Sequence[Node], wanted: Iterable[int]) -> set[int]:
+def nodes_below(nodes: Sequence[Node], wanted: Iterable[int]) -> set[int]:
     """The nodes that the wanted ones are computed from, themselves included."""
     found, waiting = set[int](), list(wanted)
     while waiting:
@@ -161,19 +169,19 @@ def below(nodes: Sequence[Node], wanted: Iterable[int]) -> set[int]:
     return found
 
 
-def restricted(nodes: Sequence[Node], wanted: Iterable[int]) -> tuple[tuple[Node, ...], dict[int, int]]:
+def restrict(nodes: Sequence[Node], wanted: Iterable[int]) -> tuple[tuple[Node, ...], dict[int, int]]:
     """The nodes that the wanted ones are computed from as a tape of their own, and the new number of each, in order."""
-    place = {old: new for new, old in enumerate(sorted(below(nodes, wanted)))}
-    return tuple([moved(nodes[old], place) for old in place]), place
+    place = {old: new for new, old in enumerate(sorted(nodes_below(nodes, wanted)))}
+    return tuple([renumber(nodes[old], place) for old in place]), place
 
 
 def part_of(core: Core, labels: Sequence[str]) -> Core:
     """The core of some of its labels: what they do not need is left out, the order of the rest is kept."""
-    nodes, place = restricted(core.nodes, [core.labels[name] for name in labels])
+    nodes, place = restrict(core.nodes, [core.labels[name] for name in labels])
     return Core(nodes, {name: place[core.labels[name]] for name in labels}, core.objects)
 
 
-def moved(node: Node, place: Mapping[int, int]) -> Node:
+def renumber(node: Node, place: Mapping[int, int]) -> Node:
     """The node of a tape whose nodes have got other numbers."""
     if isinstance(node, Apply):
         return Apply(node.primitive, tuple([place[arg] for arg in node.args]), node.shapes)

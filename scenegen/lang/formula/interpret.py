@@ -25,7 +25,6 @@ from scenegen.geometry.namespace import turning
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node, children, last_uses
 from scenegen.pose import FLAT, PLACE, THETA, along, owner
 
-# --------------------------------------------------------------------------------------------------------------------
 # The least of many gaps, of which only those are computed that can be the least.
 #
 # `noOverlap()` of N objects is the minimum of N (N - 1) / 2 gaps. The gap of two footprints lies between the distance
@@ -235,7 +234,6 @@ def with_others(pairs: NearestPairs, least: Any, values: Callable[[int], Any], s
     return reduce(step, map(values, pairs.others), least)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The one loop over the tape of a core formula.
 #
 # A reader says what each kind of node is worth in its own terms: a number, an array, a tensor, an interval, a number
@@ -375,7 +373,6 @@ def phi(
     return {name: values[index] for name, index in core.labels.items()}
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Which atom decides phi: the one whose margin is the label's phi. It alone would have to change for phi to change.
 #
 # An atom whose margin is the same in every scene decides nothing: where it is phi, the atom counts that decides without
@@ -469,7 +466,6 @@ def _deciders(core: Core, root: int, values: Mapping[int, Floats], scenes: Index
     return found
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Headings that a formula takes as numbers: where a turn more or less would change phi.
 #
 # A heading is one number of [0, 2 pi), but 0 and 2 pi are the same direction. `wrap`, `sin`, `cos` and footprints

@@ -28,13 +28,12 @@ from scenegen.lang.formula.core import (
     Temporal,
     Window,
     children,
-    moved,
     part_of,
+    renumber,
 )
 from scenegen.lang.formula.interpret import deciding_atom, evaluate
 from scenegen.pose import SIZE
 
-# --------------------------------------------------------------------------------------------------------------------
 # Minima, maxima and untils over windows of moments, for numpy and torch alike: time is the last axis.
 #
 # A window of w moments is put together from windows of 1, 2, 4, ... of them, so a formula takes time proportional to
@@ -67,7 +66,7 @@ def extreme(of: Arrays, kind: str, values: Any, lowest: int, highest: int) -> An
     return of.slide(kind, values, width) if width > 1 else values
 
 
-def doubled(of: Arrays, kind: str, values: Any, width: int) -> Any:
+def slide_by_doubling(of: Arrays, kind: str, values: Any, width: int) -> Any:
     """`slide` in log `width` passes."""
     done = 1
     while 2 * done <= width:
@@ -112,11 +111,7 @@ def _after(of: Arrays, p: Any, q: Any, then_p: Any, then_q: Any, by: int) -> tup
     return of.onto("max", p, before), of.onto("min", q, then_q)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# How long a spec over time lasts, and in which steps.
-
-
-MAX_STEPS = 100_000
+MAX_TIME_STEPS = 100_000
 
 Movers = Literal["one", "all"]  # what moves in a step
 
@@ -137,7 +132,7 @@ class Horizon:
         return self.steps * self.dt
 
 
-MOST_VALUES = 20_000_000  # operators times moments; larger specs are refused
+MAX_TIMED_VALUES = 20_000_000  # operators times moments; larger specs are refused
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +195,7 @@ def split(core: Core, horizon: Horizon, moves: Movers, count: int) -> Timed:
             if arg >= len(over) or not over[arg]:
                 signal(arg)
         place[index] = len(made)
-        timed = moved(node, place)
+        timed = renumber(node, place)
         assert isinstance(timed, Junction | Window | BoundedUntil | Moment | Everywhere)
         made.append(timed)
     roots = [*core.labels.values(), *(() if core.requirement is None else (core.requirement,))]
@@ -275,7 +270,7 @@ class Numpy:
         return out
 
     def slide(self, kind: str, a: Any, width: int) -> Any:
-        return doubled(self, kind, a, width)
+        return slide_by_doubling(self, kind, a, width)
 
 
 def endless(timed: Timed) -> list[npt.NDArray[np.float64]]:
@@ -287,10 +282,6 @@ def endless(timed: Timed) -> list[npt.NDArray[np.float64]]:
         return np.full(moments, value)
 
     return over_time(Numpy(), timed, [everywhere(0.0)] * len(timed.state.labels), everywhere)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# One motion under a spec over time, in numpy: phi at every moment, and which atom decides it, at which moment.
 
 
 class ActiveAtom(NamedTuple):

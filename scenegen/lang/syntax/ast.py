@@ -21,9 +21,6 @@ class Node:
         return Span(source, self.start, self.end)
 
 
-# ---- expressions ---------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, slots=True)
 class Name(Node):
     id: str
@@ -192,9 +189,6 @@ Expr = (
 )
 
 
-# ---- statements ----------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, slots=True)
 class Workspace(Node):
     x: Interval
@@ -294,10 +288,6 @@ class Module:
     source: Source
     statements: tuple[Statement, ...]
     bare: Expr | None
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The expressions below an expression or in a statement, in the order of the text.
 
 
 def children(node: Expr | Argument) -> tuple[Expr | Argument, ...]:

@@ -27,28 +27,30 @@ from scenegen.lang.syntax.tokens import ending
 from scenegen.pose import NAMES
 from scenegen.things.library import COLOR_WORDS
 
-# --------------------------------------------------------------------------------------------------------------------
-# What people call things in other languages and in everyday life, and what to write for it here.
-
-
 THE_TABLE = "the table is called `workspace`; things stand on it if nothing is declared"
-TABLES = ("table", "tabletop", "floor", "ground", "desk", "countertop", "surface", "world")
+TABLE_WORDS = ("table", "tabletop", "floor", "ground", "desk", "countertop", "surface", "world")
 
-MORE = "`scenegen explain not-here` says more"
-PRIOR = f"places and headings are uniform; for any other distribution weight the scenes afterwards, in Python; {MORE}"
-SEEN = f"there is no camera in a spec: draw masks of the scenes and keep those that show enough of it; {MORE}"
-ON = "write restsOn({a}, {b}); what {a} stands on is declared: object {a} on {b}"
+SAYS_MORE = "`scenegen explain not-here` says more"
+PRIOR = (
+    f"places and headings are uniform; for any other distribution weight the scenes afterwards, in Python; {SAYS_MORE}"
+)
+CAMERA_HELP = (
+    f"there is no camera in a spec: draw masks of the scenes and keep those that show enough of it; {SAYS_MORE}"
+)
+ON_HELP = "write restsOn({a}, {b}); what {a} stands on is declared: object {a} on {b}"
 UNDER = "write underneath({a}, {b}); `belowOf` is along y"
-OVER = "if it stands on it, write restsOn({a}, {b}), else z({a}) >= top({b}); `aboveOf` is along y"
-SIZES = "sizes are constants: `scenegen check` lists them; in a formula write height({a}) or reach({a}, EAST)"
-COLOR = f'a plain shape has a colour: box(10 cm, 6 cm, 4 cm, color = "red"); of other objects looks change it; {MORE}'
-BODY = f"a spec says where things stand; mass and friction are those of the library or of an index; {MORE}"
-LYING = f"objects stand upright, and turn about the vertical alone; {MORE}"
+OVER_HELP = "if it stands on it, write restsOn({a}, {b}), else z({a}) >= top({b}); `aboveOf` is along y"
+SIZES_HELP = "sizes are constants: `scenegen check` lists them; in a formula write height({a}) or reach({a}, EAST)"
+COLOR = (
+    f'a plain shape has a colour: box(10 cm, 6 cm, 4 cm, color = "red"); of other objects looks change it; {SAYS_MORE}'
+)
+BODY_HELP = f"a spec says where things stand; mass and friction are those of the library or of an index; {SAYS_MORE}"
+LYING = f"objects stand upright, and turn about the vertical alone; {SAYS_MORE}"
 MATHS = "of functions there are abs, min, max, sum, mean, sin, cos and wrap; for a power write a product: a * a"
-STATE = f"a spec says where things stand, not the state that they are in; {MORE}"
-OPEN = "how far a drawer is open is declared: object cabinet = cabinet(3, open = [0.5, 0, 0]); it does not change"
+STATE = f"a spec says where things stand, not the state that they are in; {SAYS_MORE}"
+OPEN_HELP = "how far a drawer is open is declared: object cabinet = cabinet(3, open = [0.5, 0, 0]); it does not change"
 WAY = "of hands from above write reachableFromAbove({a}); of what stands around it gap({a}, {b}) >= 5 cm"
-COUNTING = f"formulas do not count; for two or more write exists p, q in list: ...; {MORE}"
+COUNTING = f"formulas do not count; for two or more write exists p, q in list: ...; {SAYS_MORE}"
 
 # Names in small letters without `_` -> what to write for a relation of {a} and {b}.
 _RELATIONS = {
@@ -92,10 +94,10 @@ _RELATIONS = {
     ("position", "pos", "location", "xpos", "xy", "coordinates"): "write x({a}) and y({a})",
     ("faces", "lookat", "lookingat", "looksat", "pointsat", "pointingat", "facingtoward", "facingtowards",
      "pointstowards", "towards", "toward", "face"): "write facing({a}, {b})",
-    ("above", "over"): OVER,
+    ("above", "over"): OVER_HELP,
     ("below", "under", "beneath", "underneathof"): UNDER,
     ("ontop", "ontopof", "atop", "upon", "restingon", "restson", "rests", "standson", "standingon", "lieson", "ison",
-     "supportedby", "onto", "placedon"): ON,
+     "supportedby", "onto", "placedon"): ON_HELP,
     ("ontable", "onthetable"): "write z({a}) <= 0 m; what nothing is declared for stands on the table",
     ("supports", "carries"): "write restsOn({b}, {a}); what {b} stands on is declared: object {b} on {a}",
     ("into", "within", "isin", "inof", "isinside", "containedin", "containedby", "inside", "inregion"):
@@ -104,7 +106,7 @@ _RELATIONS = {
     ("edge", "atedge", "border", "atborder", "nearborder", "onedge"): "write nearEdge({a})",
     ("unstable", "balanced", "isstable", "stability"): "write stable([{a}]), or !stable([{a}])",
     ("facingeachother",): "write facing({a}, {b}) & facing({b}, {a})",
-    ("size", "width", "length", "radius", "depth", "extent", "diameter", "area", "volume", "dimensions"): SIZES,
+    ("size", "width", "length", "radius", "depth", "extent", "diameter", "area", "volume", "dimensions"): SIZES_HELP,
     ("equal", "equals", "eq", "same", "approx", "approximately", "isequal"):
         "allow a tolerance: abs(x({a}) - x({b})) <= 1 cm; for the same place closeTo({a}, {b}, 1 cm)",
     ("if", "ifthen", "ifthenelse", "ite", "iff", "xor", "nand", "when", "unless"):
@@ -117,7 +119,7 @@ _RELATIONS = {
      "unobstructed", "unblocked", "accessible", "isaccessible", "inaccessible", "free", "isfree", "clear", "isclear",
      "uncovered", "covered", "iscovered", "coveredby"): f"write what is meant: {WAY}",
     # what cannot be said
-    ("open", "opened", "isopen", "closed", "isclosed", "shut", "ajar", "openness", "joint", "articulated"): OPEN,
+    ("open", "opened", "isopen", "closed", "isclosed", "shut", "ajar", "openness", "joint", "articulated"): OPEN_HELP,
     ("clean", "dirty", "dusty", "stained", "soaked", "wet", "dry", "hot", "cold", "warm", "cooked", "burnt", "frozen",
      "sliced", "cut", "broken", "full", "empty", "filled", "toggledon", "toggled", "switchedon", "turnedon",
      "poweredon", "folded", "unfolded", "attached", "held", "holding", "handempty", "carrying", "ingripper",
@@ -129,7 +131,7 @@ _RELATIONS = {
      "mixture", "range", "density", "likelihood", "resample"): PRIOR,
     ("visible", "isvisible", "visiblefrom", "invisible", "occluded", "occludes", "occlusion", "isoccluded",
      "occludedby", "hidden", "hides", "inview", "infov", "cansee", "sees", "lineofsight", "visibility", "camera",
-     "cameras", "view", "viewpoint", "notvisible", "visibleregion"): SEEN,
+     "cameras", "view", "viewpoint", "notvisible", "visibleregion"): CAMERA_HELP,
     ("reachable", "isreachable", "inreach", "withinreach", "reachablefrom", "canreach", "reaches", "kinematic", "ik"):
         "write closeTo({a}, (0.5, -0.2), 0.7 m) with the place of the robot's base; of hands from above "
         "reachableFromAbove({a})",
@@ -137,14 +139,14 @@ _RELATIONS = {
         "write the room that the gripper needs: forall q in others({a}): gap({a}, q) >= 3 cm; from above "
         "reachableFromAbove({a})",
     ("color", "colour", "colors", "hue", "rgb", "rgba", "texture", "material", "shade"): COLOR,
-    ("mass", "weight", "friction", "density", "inertia", "velocity", "force", "physics"): BODY,
+    ("mass", "weight", "friction", "density", "inertia", "velocity", "force", "physics"): BODY_HELP,
     ("upright", "standing", "lying", "tilted", "tilt", "roll", "pitch", "upsidedown", "flipped", "onside", "isupright",
      "fallen", "toppled"): LYING,
     ("light", "lighting", "lamp", "brightness", "background", "randomize", "augment", "augmentation", "domain"):
-        f"pictures have looks, no spec has: see `scenegen explain pictures`; {MORE}",
+        f"pictures have looks, no spec has: see `scenegen explain pictures`; {SAYS_MORE}",
     ("seed", "samples", "scenes", "timeout"): "an option of `scenegen sample` says how many scenes, and which seed",
     ("robot", "ego", "agent", "gripper", "arm", "mutate", "behavior", "scenario", "model"):
-        f"a spec is about things on a table, without robots or scenarios; {MORE}",
+        f"a spec is about things on a table, without robots or scenarios; {SAYS_MORE}",
 }  # fmt: skip
 RELATIONS = {name: instead for names, instead in _RELATIONS.items() for name in names}
 
@@ -169,7 +171,7 @@ SIGNS = {  # operators and terms that are no keywords
     "mirror": "mirrored(...) is a relation; scenes.mirrored() and `scenegen export` make mirrored copies",
 }
 INFIX = {
-    "on": ON,
+    "on": ON_HELP,
     "in": "write insideOf({a}, {b}); what {a} stands in is declared: object {a} on {b}",
 }
 DECLARED = (  # instead of `on`
@@ -208,7 +210,7 @@ def one_list(text: str) -> str | None:
 
 def of_thing(name: str) -> str | None:
     """What to write instead of a thing that there is not; None of unknown names."""
-    return THE_TABLE if plain(name) in TABLES else None
+    return THE_TABLE if plain(name) in TABLE_WORDS else None
 
 
 def of_number(name: str) -> str | None:
@@ -223,7 +225,7 @@ def of_relation(name: str, arguments: Sequence[str], known_names: Iterable[str] 
     if any(plain(one) == word for one in known_names):
         return None
     if word not in RELATIONS:
-        word = known(re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)) or ""  # to_the_left_of, isOn
+        word = known_phrase(re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+", name)) or ""  # to_the_left_of, isOn
         if word not in RELATIONS:
             return None
     a, b, *_ = (*arguments, "a", "b") if len(arguments) != 1 else (arguments[0], "b")
@@ -233,7 +235,7 @@ def of_relation(name: str, arguments: Sequence[str], known_names: Iterable[str] 
     return (OVER_A_HEIGHT if word in OVER_A_HEIGHT and to_number else RELATIONS)[word].format(a=a, b=b)
 
 
-def known(words: Sequence[str]) -> str | None:
+def known_phrase(words: Sequence[str]) -> str | None:
     """The name in RELATIONS or INFIX that some words of a sentence are: `nextto` for `is next to`; None of others."""
     kept = list(words)
     while kept and kept[0].lower() in FILLERS:
@@ -242,9 +244,9 @@ def known(words: Sequence[str]) -> str | None:
     return next((name for name in names if name in RELATIONS or name in INFIX), None)
 
 
-def between(first: str, words: Sequence[str], second: str, *, declared: bool) -> str | None:
+def write_instead(first: str, words: Sequence[str], second: str, *, declared: bool) -> str | None:
     """What to write instead of `first words second`, in an object statement or in a formula; None of other words."""
-    name = known(words) or plain("".join(words))
+    name = known_phrase(words) or plain("".join(words))
     if name == "is" and plain(second) in RELATIONS:  # `mug is clean`
         return RELATIONS[plain(second)].format(a=first, b="b")
     if declared and name in DECLARED:
@@ -252,7 +254,7 @@ def between(first: str, words: Sequence[str], second: str, *, declared: bool) ->
     table = RELATIONS | INFIX
     if name not in table:
         return None
-    if not declared and name in ("on", *DECLARED) and second.lower() in TABLES:
+    if not declared and name in ("on", *DECLARED) and second.lower() in TABLE_WORDS:
         return f"things stand on the table if nothing is declared: leave this out, or write restsOn({first}, workspace)"
     if not declared and name == "on" and second == "any":
         return f"a choice is declared, object {first} on any of [...]; each surface is asked for with restsOn"
@@ -262,7 +264,7 @@ def between(first: str, words: Sequence[str], second: str, *, declared: bool) ->
 
 
 NAME = r"[A-Za-z_][\w.]*(?:\[[^\[\]\n]*\])?"  # of a thing, an element or a surface
-UNITS = ("m", "cm", "mm", "rad", "deg", "turn")
+UNIT_WORDS = ("m", "cm", "mm", "rad", "deg", "turn")
 
 # characters of word processors and of other alphabets -> what to type instead
 INCHES = {"in": 2.54, "inch": 2.54, "inches": 2.54, "ft": 30.48, "foot": 30.48, "feet": 30.48}  # in cm
@@ -346,7 +348,7 @@ def _not_here(source: Source, here: Span, line: str, accepts: set[str]) -> Diagn
     if word in INCHES and (number := ending(r"(?<![\w.])(\d+(?:\.\d+)?)[ \t]*$", line)) is not None:
         instead = f"{float(number[1]) * INCHES[word]:.4g} cm"
         return UNKNOWN_UNIT(here, name=word, instead=instead)
-    if word in UNITS and before is not None and before[1] in (")", "]"):
+    if word in UNIT_WORDS and before is not None and before[1] in (")", "]"):
         instead = f"a unit follows each number: [0 {word}, 40 {word}]"
         return UNEXPECTED(here, found=f"`{word}`", expected="no unit", instead=instead)
     if word in ("iff", "xor", "XOR") and "_AND" in accepts:
@@ -402,7 +404,7 @@ def _sides(words: Sequence[str]) -> tuple[str, Sequence[str], str]:
         first, second = (one for place, one in enumerate(words[:3]) if place != camel)
         return first, [words[camel]], second
     for end in range(len(words) - 1, 1, -1):  # the longest that is known
-        if known(words[1:end]) is not None:
+        if known_phrase(words[1:end]) is not None:
             return words[0], words[1:end], words[end]
     said = [one for one in words[1:] if one.lower() not in FILLERS]
     return (words[0], said[:1], said[1]) if len(said) > 1 else (words[0], [words[1]], words[2])
@@ -431,7 +433,7 @@ def _word(source: Source, here: Span, line: str, depth: int) -> Diagnostic | Non
         return FOREIGN_SIGN(Span(source, here.start - len(before[0]), here.end), word="if")
     if word == "then":
         return FOREIGN_SIGN(here, word="then")
-    if word in UNITS and previous not in ("object", "const", "region"):
+    if word in UNIT_WORDS and previous not in ("object", "const", "region"):
         return UNKNOWN_UNIT(here, name=previous, unit=word)
     if after is not None and after[1] not in ("and", "or", "implies", "in", "at") and not depth:
         phrase = re.match(r"[A-Za-z_]\w*([ \t]+[A-Za-z_]\w*)*", text[here.start :])
@@ -440,7 +442,7 @@ def _word(source: Source, here: Span, line: str, depth: int) -> Diagnostic | Non
             words[-1] += more[0]  # cabinet.drawer[1]
         first, said, second = _sides(words)
         name = said[0] + "".join(one[:1].upper() + one[1:] for one in said[1:])
-        told = between(first, said, second, declared=declared)
+        told = write_instead(first, said, second, declared=declared)
         if word == "or" and re.search(rf"\bon[ \t]+{previous}[ \t]*$", line):
             told = f"write on any of [{first}, {second}]"
         return INFIX_RELATION(here, name=name, first=first, second=second, instead=told)

@@ -21,7 +21,6 @@ from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.tokens import TEMPORAL, blank, has_time, next_opening, scan
 from scenegen.resources import grammar_file
 
-# --------------------------------------------------------------------------------------------------------------------
 # The parser, from tables that were computed ahead of time.
 #
 # Building an LALR parser from grammar/spec.lark takes Lark a quarter of a second, half of what `scenegen check` may
@@ -30,7 +29,7 @@ from scenegen.resources import grammar_file
 # `make derived` rewrites them, and a test holds them equal to the grammar. See docs/adr/0001-parser-tables.md.
 
 
-TABLES = {False: "spec.tables.json", True: "time.tables.json"}  # without time, and with it
+PARSER_TABLES = {False: "spec.tables.json", True: "time.tables.json"}  # without time, and with it
 UNBOUNDED = (1 << 32) - 1  # how long a text may be that a terminal matches: from Python 3.11.7 on, Lark says 2^64
 _TIMED, _UNTIMED = "//time ", "// untimed\n"  # what marks a line that counts with time only, without time only
 _OPTIONS: dict[str, Any] = {"parser": "lalr", "maybe_placeholders": False, "keep_all_tokens": True}
@@ -52,7 +51,7 @@ def serialize(text: str) -> str:
     from lark.lexer import TerminalDef
 
     data, memo = build(text).memo_serialize([TerminalDef, Rule])
-    data["parser"]["parser"] = _numbered(data["parser"]["parser"])
+    data["parser"]["parser"] = _renumber(data["parser"]["parser"])
     for entry in memo.values():
         if "_width" in entry.get("pattern", ()):
             entry["pattern"]["_width"] = [min(width, UNBOUNDED) for width in entry["pattern"]["_width"]]
@@ -60,7 +59,7 @@ def serialize(text: str) -> str:
     return json.dumps(tables, separators=(",", ":"), sort_keys=True, ensure_ascii=True) + "\n"
 
 
-def _numbered(table: dict[str, Any]) -> dict[str, Any]:
+def _renumber(table: dict[str, Any]) -> dict[str, Any]:
     """The parse table with tokens in alphabetical order and states as they are met from the start.
 
     Lark numbers both as sets happen to be ordered, which differs from run to run.
@@ -109,7 +108,7 @@ def grammar_text(timed: bool) -> str:
 @cache
 def _finished(timed: bool) -> Any:
     try:
-        raw = grammar_file(TABLES[timed]).read_text(encoding="utf-8")
+        raw = grammar_file(PARSER_TABLES[timed]).read_text(encoding="utf-8")
         tables = json.loads(raw, object_hook=_whole_number_keys)
         return tables if tables["fingerprint"] == fingerprint(grammar_text(timed)) else None
     except (OSError, ValueError, KeyError, TypeError):
@@ -129,7 +128,7 @@ def parser(transformer: Any, timed: bool = False) -> lark.Lark:
 
 def main() -> None:
     """Rewrite the tables (`make tables`)."""
-    for timed, name in TABLES.items():
+    for timed, name in PARSER_TABLES.items():
         grammar_file(name).write_text(serialize(grammar_text(timed)), encoding="utf-8")
 
 
@@ -137,7 +136,6 @@ if __name__ == "__main__":
     main()
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # From Lark's reductions to the syntax tree.
 #
 # Lark calls the method named like the rule as soon as the rule is recognised, with the finished parts as `items`:
@@ -195,16 +193,12 @@ def _names(items: list[Any]) -> list[ast.Name]:
 class Builder:
     """One method per rule of the grammar."""
 
-    # ---- the file: statements come as a list, a bare formula as itself
-
     def start(self, items: list[Any]) -> list[ast.Statement]:
         return items
 
     def bare(self, items: list[Any]) -> ast.Expr:
         expr: ast.Expr = items[0]
         return expr
-
-    # ---- statements
 
     def workspace(self, items: list[Any]) -> ast.Workspace:
         x, y = _nodes(items)
@@ -280,8 +274,6 @@ class Builder:
     def moves(self, items: list[Any]) -> ast.Moves:
         return ast.Moves(_name(items[1]), **_at(items))
 
-    # ---- formulas
-
     def implies(self, items: list[Any]) -> ast.Implies:
         return ast.Implies(items[0], items[2], **_at(items))
 
@@ -314,8 +306,6 @@ class Builder:
     def compare(self, items: list[Any]) -> ast.Compare:
         operators: Any = tuple(_COMPARE.get(str(token), str(token)) for token in items[1::2])
         return ast.Compare(tuple(items[0::2]), operators, **_at(items))
-
-    # ---- numbers and places
 
     def binary(self, items: list[Any]) -> ast.Binary:
         left, operator, right = items

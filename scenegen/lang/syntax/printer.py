@@ -17,7 +17,7 @@ from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 from scenegen.lang.syntax.tokens import KEYWORDS, TEMPORAL, Token, column, has_time, scan, spelling
 
-WIDTH = 100  # columns; a longer formula is broken before its outermost operators
+PRINT_WIDTH = 100  # columns; a longer formula is broken before its outermost operators
 INDENT = 4
 
 # binding strength, loosest first; a part is put in parentheses where it binds more loosely than its place demands
@@ -143,7 +143,7 @@ def _operation(
         yield CLOSE
 
 
-def _enclosed(
+def _enclose(
     opening: str, items: Iterable[Iterable[str | Mark | ExpressionPart]], closing: str, *, fill: bool = False
 ) -> Pieces:
     """Items separated by commas, between brackets."""
@@ -151,14 +151,14 @@ def _enclosed(
     filled = list(items)
     if filled:
         yield from (FILL if fill else OPEN, INWARD, EDGE)
-        yield from _listed(filled)
+        yield from _separate(filled)
         yield from (OUTWARD, EDGE)
     yield closing
     if filled:
         yield CLOSE
 
 
-def _listed(items: Iterable[Iterable[str | Mark | ExpressionPart]]) -> Pieces:
+def _separate(items: Iterable[Iterable[str | Mark | ExpressionPart]]) -> Pieces:
     for number, item in enumerate(items):
         if number:
             yield from (",", LINE)
@@ -184,12 +184,12 @@ def _pieces(part: ExpressionPart) -> Pieces:
         case ast.Truth(value):
             yield "true" if value else "false"
         case ast.Point(coordinates):
-            yield from _enclosed("(", ([ExpressionPart(one, 0)] for one in coordinates), ")")
+            yield from _enclose("(", ([ExpressionPart(one, 0)] for one in coordinates), ")")
         case ast.List(items):
-            yield from _enclosed("[", ([ExpressionPart(one, 0)] for one in items), "]", fill=True)
+            yield from _enclose("[", ([ExpressionPart(one, 0)] for one in items), "]", fill=True)
         case ast.Call(function, arguments):
             yield function.id
-            yield from _enclosed("(", map(_argument, arguments), ")")
+            yield from _enclose("(", map(_argument, arguments), ")")
         case ast.Argument():
             yield from _argument(node)
         case ast.Member(base, member):
@@ -241,9 +241,6 @@ def _listed_flat(names: Iterable[str]) -> Pieces:
         yield name
 
 
-# ---- statements ----------------------------------------------------------------------------------------------------
-
-
 def head(statement: ast.Statement) -> Pieces:
     """What opens a statement: all but the formula or value it ends in."""
     match statement:
@@ -262,7 +259,7 @@ def head(statement: ast.Statement) -> Pieces:
                 CLOSE,
             )
         case ast.Objects(declarations):
-            yield from ("object", SPACE, FILL, INWARD, *_listed(map(_declaration, declarations)), OUTWARD, CLOSE)
+            yield from ("object", SPACE, FILL, INWARD, *_separate(map(_declaration, declarations)), OUTWARD, CLOSE)
         case ast.Region(name, _, count):
             yield from (
                 "region",
@@ -275,7 +272,7 @@ def head(statement: ast.Statement) -> Pieces:
         case ast.Constant(name):
             yield from ("const", SPACE, name.id, SPACE, "=")
         case ast.Definition(name, parameters):
-            yield from ("def", SPACE, name.id, *_enclosed("(", map(_parameter, parameters), ")"), SPACE, "=")
+            yield from ("def", SPACE, name.id, *_enclose("(", map(_parameter, parameters), ")"), SPACE, "=")
         case ast.Require():
             yield "require"
         case ast.Import(path):
@@ -311,7 +308,7 @@ def statement_pieces(statement: ast.Statement) -> Pieces:
         yield from (OPEN, INWARD, LINE, end, OUTWARD, CLOSE)
     if isinstance(statement, ast.Region) and statement.levels:
         heights = ([ExpressionPart(one, SUM)] for one in statement.levels)
-        yield from (SPACE, "at", SPACE, FILL, INWARD, *_listed(heights), OUTWARD, CLOSE)
+        yield from (SPACE, "at", SPACE, FILL, INWARD, *_separate(heights), OUTWARD, CLOSE)
 
 
 def _interval(interval: ast.Interval) -> Pieces:
@@ -350,7 +347,6 @@ def _parameter(one: ast.Parameter) -> Pieces:
         yield from (SPACE, "=", SPACE, ExpressionPart(one.default, SUM))
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Canonical text has one statement a line, one spelling per operator, no comments and only the parentheses it needs.
 # Parsing it gives the same tree, so printing that again gives the same text.
 
@@ -364,7 +360,7 @@ def print_statement(statement: ast.Statement) -> str:
     """The canonical text of a statement; a long `&` or `|` at its top stands on lines of its own."""
     line = flat(expand(statement_pieces(statement)))
     end = tail(statement)
-    if len(line) <= WIDTH or end is None or not end.joins or not isinstance(end.node, ast.And | ast.Or):
+    if len(line) <= PRINT_WIDTH or end is None or not end.joins or not isinstance(end.node, ast.And | ast.Or):
         return line
     symbol, looser = ("&", AND) if isinstance(end.node, ast.And) else ("|", OR)
     parts = [print_expr(part, looser + 1) for part in end.node.parts]
@@ -380,7 +376,6 @@ def print_module(module: ast.Module) -> str:
     return "".join(print_statement(statement) + "\n" for statement in module.statements)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Tokens and marks as lines of limited width, comments (which do not count) where they were put.
 #
 # After Oppen, Prettyprinting (TOPLAS 2(4), 1980): the widths of all groups are summed up first, then one pass decides
@@ -390,7 +385,7 @@ def print_module(module: ast.Module) -> str:
 _NEVER = 1 << 40  # columns, more than any text has
 
 
-DEEPEST = 60  # columns of indentation; what is nested deeper stands no further to the right
+MAX_INDENT = 60  # columns of indentation; what is nested deeper stands no further to the right
 
 
 def break_lines(items: Sequence[Item], comments: Mapping[int, Sequence[tuple[str, bool]]]) -> list[str]:
@@ -404,15 +399,15 @@ def break_lines(items: Sequence[Item], comments: Mapping[int, Sequence[tuple[str
     for index, item in enumerate(items):
         match item:
             case OpenGroup(fill):
-                groups.append((column + widths[index] > WIDTH, fill))
+                groups.append((column + widths[index] > PRINT_WIDTH, fill))
             case Close():
                 groups.pop()
             case Indent(by):
                 indent += by
             case Break(space):
                 broken, fill = groups[-1] if groups else (False, False)
-                if index in comments or (broken and not (fill and column + widths[index] <= WIDTH)):
-                    margin = " " * min(indent, DEEPEST)
+                if index in comments or (broken and not (fill and column + widths[index] <= PRINT_WIDTH)):
+                    margin = " " * min(indent, MAX_INDENT)
                     for number, (comment, behind) in enumerate(comments.get(index, ())):
                         if number == 0 and behind:
                             line.append(f"  {comment}")
@@ -458,7 +453,6 @@ def _widths(items: Sequence[Item], comments: Mapping[int, Sequence[tuple[str, bo
     return widths
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Canonical text that keeps comments and paragraphs (`scenegen fmt`, editors).
 #
 # A formula is laid out from the tree; comments are found by scanning the text. What ties the two together: apart from

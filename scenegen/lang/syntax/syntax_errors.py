@@ -33,8 +33,8 @@ from scenegen.errors.language import (
     UNNAMED_FORMULA,
     WRONG_WINDOW,
 )
-from scenegen.lang.formula.timed import MAX_STEPS
-from scenegen.lang.syntax.foreign import PRIOR, RELATIONS, UNITS, explain_foreign_syntax, one_list, plain
+from scenegen.lang.formula.timed import MAX_TIME_STEPS
+from scenegen.lang.syntax.foreign import PRIOR, RELATIONS, UNIT_WORDS, explain_foreign_syntax, one_list, plain
 from scenegen.lang.syntax.tokens import (
     BINARY,
     KEYWORDS,
@@ -43,19 +43,15 @@ from scenegen.lang.syntax.tokens import (
     TEMPORAL,
     UNITS_OF_TIME,
     bracket,
+    character_text,
     column,
     ending,
-    expected,
+    expected_tokens,
     has_time,
     open_brackets,
-    shown,
-    unclosed,
+    unclosed_bracket,
 )
 from scenegen.things.library import has_picture
-
-# --------------------------------------------------------------------------------------------------------------------
-# Syntax errors about time: its words in a spec that has no `time` statement, or in the wrong place of one that has.
-
 
 # what other languages call the operators
 _ELSEWHERE = {
@@ -91,7 +87,7 @@ def _without(source: Source, start: int, end: int) -> Diagnostic | None:
     found = ending(r"\btime\s+(-\s*\d[\d.]*)\s+$", before)
     if found is not None and word == "steps":
         steps = float(found[1].replace(" ", "").rstrip("."))
-        return HORIZON_OUT_OF_RANGE(Span(source, found.start(1), end), steps=steps, limit=MAX_STEPS)
+        return HORIZON_OUT_OF_RANGE(Span(source, found.start(1), end), steps=steps, limit=MAX_TIME_STEPS)
     found = ending(r"\bmoves\s+$", before)
     if found is not None and word.isidentifier():
         return TIME_MISSING(Span(source, found.start(), end))
@@ -123,7 +119,7 @@ def _in_time(source: Source, start: int, end: int, accepts: set[str]) -> Diagnos
         return WRONG_WINDOW(Span(source, found.start(), found.end()), operator=found[1], none=True)
     match = re.compile(rf"({'|'.join(sorted(TEMPORAL, reverse=True))})(?!\w)").match(text, start)
     if match is not None and "NAME" in accepts and "OVER_TIME" not in accepts:
-        return KEYWORD_AS_NAME(Span(source, start, match.end()), word=match[1], expected=expected(accepts))
+        return KEYWORD_AS_NAME(Span(source, start, match.end()), word=match[1], expected=expected_tokens(accepts))
     return None
 
 
@@ -164,7 +160,7 @@ def explain(source: Source, error: UnexpectedToken | UnexpectedCharacters, timed
         return _at_end(source, set(error.accepts or error.expected or ()))
     return (
         explain_time(source, start, end, accepts, timed)
-        or _unfinished(source, start, end, accepts)
+        or _unfinished_statement(source, start, end, accepts)
         or explain_foreign_syntax(source, start, end, len(open_brackets(text, start)[0]), accepts)
         or _foreign(source, start)
         or bracket(source, start)
@@ -174,8 +170,8 @@ def explain(source: Source, error: UnexpectedToken | UnexpectedCharacters, timed
         or _number(source, start, accepts)
         or UNEXPECTED(
             Span(source, start, end),
-            found=shown(text[start:end]),
-            expected=expected(accepts),
+            found=character_text(text[start:end]),
+            expected=expected_tokens(accepts),
             instead=_character_help(text[start:end], accepts),
         )
     )
@@ -247,7 +243,7 @@ def _equal(here: Span, line: str) -> Diagnostic:
             instead = f"write !({a} != {b})"
         elif "(" in a:
             small = "0.1" if a.startswith(("theta", "bearing")) else "1 cm"
-            unit = after[3] if after[3] in UNITS else ""
+            unit = after[3] if after[3] in UNIT_WORDS else ""
             instead = f"allow a tolerance: abs({a} - {f'{b} {unit}'.strip()}) <= {small}"
     return EQUALITY(here, single=here.text == "=" or None, instead=instead)
 
@@ -265,7 +261,7 @@ def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Di
         number = re.match(r"[ \t]*=[ \t]*(-?\d[^\n#]*)", text[end:])
         if number is not None:
             instead = f"write const {word} = {number[1].strip()}"
-            return UNEXPECTED(here, found=f"`{word}`", expected=expected(accepts), instead=instead)
+            return UNEXPECTED(here, found=f"`{word}`", expected=expected_tokens(accepts), instead=instead)
         return MISSING_SIGN(here, name=word, formula="...")
     if word.lower() in KEYWORDS and word != word.lower():
         return KEYWORD_AS_NAME(here, word=word, keyword=word.lower())
@@ -273,7 +269,7 @@ def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Di
         return MISSING_SIGN(here)
     if previous == "workspace":
         instead = "write workspace [0, 1] x [0, 1]"
-        return UNEXPECTED(here, found=shown(word), expected="an interval such as [0, 1]", instead=instead)
+        return UNEXPECTED(here, found=character_text(word), expected="an interval such as [0, 1]", instead=instead)
     stack, _ = open_brackets(text, start)
     opening = nearest(previous, STATEMENTS) if previous not in KEYWORDS else None
     if opening is not None and before[: len(before) - len(previous)].rstrip()[-1:] in ("", "\n", ")", "]"):
@@ -293,11 +289,11 @@ def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Di
     if stack and previous == "any" and word == "of":
         return WRONG_CHOICE(here, surfaces=one_list(text[stack[-1] :]), nested=True)
     if stack and "COMMA" in accepts:
-        return MISSING_OPERATOR(here, before=shown(word), comma="`,`")
+        return MISSING_OPERATOR(here, before=character_text(word), comma="`,`")
     names = previous.isidentifier() and previous not in KEYWORDS and word.isidentifier() and "\n" not in between
     return MISSING_OPERATOR(
         here,
-        before=shown(word),
+        before=character_text(word),
         call=f"{previous}({word}, ...)" if names else None,
         labels="`task: ...` and `safe: ...`" if not names and not stack and "\n" in between else None,
         only="a name" if not names and word == "(" and (stack or "\n" not in between) else None,
@@ -327,13 +323,13 @@ def _unnamed_formula(here: Span, accepts: set[str]) -> Diagnostic:
             return UNNAMED_FORMULA(here, formula=f"{word}(...)")
         if re.match(r"[A-Za-z_]\w*\s*\(", rest):
             return MISSING_SIGN(here, name=word, formula="...")
-        wanted = "`,` or a statement" if "COMMA" in accepts else expected(accepts)
+        wanted = "`,` or a statement" if "COMMA" in accepts else expected_tokens(accepts)
         instead = "separate names in a list with `,`"
         first = re.search(r"\b(?:object|region|,)\s*([A-Za-z_]\w*)[ \t]*$", before)
         if first is not None and not has_picture(first[1]):
             instead = f"a name is one word: write {first[1]}_{word}; {instead}"
         return UNEXPECTED(here, found=f"`{word}`", expected=wanted, instead=instead)
-    return UNEXPECTED(here, found=shown(word), expected=expected(accepts))
+    return UNEXPECTED(here, found=character_text(word), expected=expected_tokens(accepts))
 
 
 def _keyword(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
@@ -348,7 +344,7 @@ def _keyword(source: Source, start: int, end: int, accepts: set[str]) -> Diagnos
     if not word or "NAME" not in accepts:
         return None
     end = start + len(word)
-    return KEYWORD_AS_NAME(Span(source, start, end), word=word, expected=expected(accepts))
+    return KEYWORD_AS_NAME(Span(source, start, end), word=word, expected=expected_tokens(accepts))
 
 
 def _statement(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
@@ -359,13 +355,13 @@ def _statement(source: Source, start: int, end: int, accepts: set[str]) -> Diagn
         return None
     stack, _ = open_brackets(text, start)
     if stack:
-        return unclosed(source, stack)
+        return unclosed_bracket(source, stack)
     if "$END" not in accepts or "LABEL" in accepts or ending(r"\bworkspace\s*$", text[:start]):
         return None
     return UNNAMED_FORMULA(Span(source, start, end), word=word)
 
 
-def _unfinished(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
+def _unfinished_statement(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
     """A statement that opens a line while the one before it still waits for something."""
     text, word = source.text, source.text[start:end]
     opened = start
@@ -378,10 +374,10 @@ def _unfinished(source: Source, start: int, end: int, accepts: set[str]) -> Diag
         return None
     stack, _ = open_brackets(text, opened)
     if stack:
-        return unclosed(source, stack)
+        return unclosed_bracket(source, stack)
     if word == ":":
         return None
-    return UNFINISHED_STATEMENT(Span(source, start, end), expected=expected(accepts))
+    return UNFINISHED_STATEMENT(Span(source, start, end), expected=expected_tokens(accepts))
 
 
 def _colon(source: Source, start: int) -> Diagnostic:
@@ -417,11 +413,13 @@ def _at_end(source: Source, accepts: set[str]) -> Diagnostic:
     stop = len(text.rstrip())
     stack, _ = open_brackets(text, len(text))
     if stack and accepts & {"RPAR", "RSQB"}:
-        return unclosed(source, stack)
+        return unclosed_bracket(source, stack)
     if ending(r"\d\.$", text[:stop]):
         return _dot(source, stop)
     word = ending(r"(?:[A-Za-z_]\w*|->|<=|>=|!=|[^\w\s])$", _without_comments(text).rstrip())
-    return UNEXPECTED(Span(source, stop, stop), last=word[0] if word else None, expected=expected(accepts), end=True)
+    return UNEXPECTED(
+        Span(source, stop, stop), last=word[0] if word else None, expected=expected_tokens(accepts), end=True
+    )
 
 
 def _without_comments(text: str) -> str:

@@ -23,7 +23,7 @@ TEMPORAL = frozenset((*OVER_TIME, "until", "until_with"))
 # a part of help lines
 UNITS_OF_TIME = "times in s, ms or min; speeds in m/s or cm/s; turn rates in deg/s or rad/s"
 
-NEAR = 400  # characters before a mistake that can tell something about it
+MAX_NEAR = 400  # characters before a mistake that can tell something about it
 
 _UNITS = "(?:mm|cm|m|rad|deg|turn)"
 
@@ -130,18 +130,14 @@ def spelling(token: Token) -> str:
 
 
 def ending(pattern: str, text: str) -> re.Match[str] | None:
-    """The match of a pattern that closes with `$`, in the last NEAR characters of a text. In all of the text the search
-    would take time quadratic in the length of its names and blanks."""
-    return re.compile(pattern).search(text, max(0, len(text) - NEAR))
+    """The match of a pattern that closes with `$`, in the last MAX_NEAR characters of a text. In all of the text the
+    search would take time quadratic in the length of its names and blanks."""
+    return re.compile(pattern).search(text, max(0, len(text) - MAX_NEAR))
 
 
 def column(text: str, offset: int) -> int:
     """How many characters stand before an offset on its line."""
     return offset - (text.rfind("\n", 0, offset) + 1)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Brackets that are open, close nothing, or have nothing inside.
 
 
 BINARY = ("&", "|", "->", "<=", ">=", "!=", "<", ">", "+", "*", "/", "∧", "∨", "→", "≤", "≥", "≠")
@@ -188,16 +184,12 @@ def bracket(source: Source, start: int) -> Diagnostic | None:
     return None
 
 
-def unclosed(source: Source, stack: list[int]) -> Diagnostic:
+def unclosed_bracket(source: Source, stack: list[int]) -> Diagnostic:
     """The innermost of the brackets that are open."""
     opened = source.text[stack[-1]]
     closing = _CLOSED[opened]
     more = len(stack) if len(stack) > 1 else None
     return UNCLOSED(Span(source, stack[-1], stack[-1] + 1), opening=opened, closing=closing, open_brackets=more)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# What was found at a place in a text, and what could have stood there, in words.
 
 
 # what can stand at a place, by the tokens that would have been accepted there; the first that fits is said
@@ -222,17 +214,16 @@ _EXPECTED = (
 )
 
 
-def shown(text: str) -> str:
+def character_text(text: str) -> str:
     """What was found: the text, or the number of a character that cannot be printed."""
     return f"`{text}`" if text.isprintable() else f"character U+{ord(text[0]):04X}"
 
 
-def expected(accepts: set[str]) -> str:
+def expected_tokens(accepts: set[str]) -> str:
     """What could have stood there, from the tokens that would have been accepted."""
     return next((words for needed, words in _EXPECTED if needed <= accepts), "something else")
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Where to go on after a syntax error: at the next opening of a statement.
 #
 # Every statement opens with a keyword or with `name:`. Newlines are white space to the parser, but people put

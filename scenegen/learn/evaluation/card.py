@@ -13,7 +13,7 @@ import numpy as np
 
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
-from scenegen.lang.formula.core import REQUIRE, gated
+from scenegen.lang.formula.core import REQUIRE, gate
 from scenegen.learn.evaluation.describe import describe
 from scenegen.learn.evaluation.fidelity import Fidelity, fidelity, ks_distance
 from scenegen.learn.faults import faults
@@ -285,7 +285,7 @@ def _reached(model: Model, rows: Array) -> dict[str, Array]:
     from scenegen.geometry import NUMPY
     from scenegen.lang.formula.interpret import phi as score
 
-    found = score(gated(model.spec.checked.core), list(rows), NUMPY)
+    found = score(gate(model.spec.checked.core), list(rows), NUMPY)
     return {name: np.broadcast_to(np.asarray(value, dtype=np.float64), rows.shape[1]) for name, value in found.items()}
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Self
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from scenegen.geometry.workspace import Workspace
-from scenegen.lang.formula.core import Core, gated, read_rows
+from scenegen.lang.formula.core import Core, gate, read_rows
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import is_angle, row_count
 from scenegen.scenes.data import SpecRef, WorkspaceData
@@ -75,7 +75,7 @@ def layout_of(core: Core, branches: int = 1) -> Layout:
 
 def depends_on(core: Core) -> list[int]:
     """The rows of (3N, B) storage that some label or the requirement reads, in order."""
-    return sorted(read_rows(gated(core)))
+    return sorted(read_rows(gate(core)))
 
 
 # The card.

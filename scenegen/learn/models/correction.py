@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from scenegen.arrays import Array
-from scenegen.lang.formula.core import REQUIRE, Apply, gated, part_of
+from scenegen.lang.formula.core import REQUIRE, Apply, gate, part_of
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.card import depends_on
 from scenegen.learn.refine import bounded, newton
@@ -59,7 +59,7 @@ class McmcMoves:
     def __init__(
         self, spec: CheckedSpec, tolerance: Tensor, box: tuple[Array, Array] | None = None, *, thorough: bool = False
     ) -> None:
-        core = gated(spec.core)
+        core = gate(spec.core)
         self._phi = Robustness(core)
         self._required = REQUIRE in core.labels
         self._tolerance = tolerance
@@ -228,7 +228,7 @@ class Correction:
     def __init__(self, spec: CheckedSpec, spans: Tensor, tops: Tensor | None = None, *, thorough: bool = False) -> None:
         self.spec = spec
         self._thorough = thorough
-        core = gated(spec.core)
+        core = gate(spec.core)
         self._labels = Slopes(spec.core)
         self._required = Robustness(part_of(core, [REQUIRE])) if REQUIRE in core.labels else None
         self._both = Slopes(core)

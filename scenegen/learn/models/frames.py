@@ -16,7 +16,7 @@ from torch import Tensor
 
 from scenegen.arrays import Array
 from scenegen.geometry.footprint import Circle
-from scenegen.lang.formula.core import REQUIRE, Core, gated, read_rows
+from scenegen.lang.formula.core import REQUIRE, Core, gate, read_rows
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import SIZE, THETA, row_of
 from scenegen.search.contract import contract_box
@@ -83,7 +83,7 @@ class Frames:
 
 def frames_of(spec: CheckedSpec, effort: Effort | None = None) -> Frames:
     """The frames of a spec without time and choices of surfaces. Raises what `effort` raises."""
-    core = gated(spec.core)
+    core = gate(spec.core)
     tape = make_tape(core, *spec.box(), effort)
     apart = {pair: (node, 1.0) for node, pair in tape.differences.items()}
     apart |= {(b, a): (node, -1.0) for (a, b), (node, _) in apart.items()}

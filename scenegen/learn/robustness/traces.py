@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torch.autograd import forward_ad
 
-from scenegen.lang.formula.timed import Timed, doubled, over_time
+from scenegen.lang.formula.timed import Timed, over_time, slide_by_doubling
 from scenegen.learn.robustness.compile import Held, Robustness, elsewhere, held_elsewhere, plain, transformed
 from scenegen.pose import NAMES, SIZE, row_count
 
@@ -147,7 +147,7 @@ class _TorchTraces:
         So with gradients it is the algorithm of van Herk, Gil and Werman, linear in T: in blocks of `width` moments
         the extremes from t to the end of its block, and those from the start of the next block on."""
         if not _followed(a) or transformed(a):
-            passed: Tensor = doubled(self, kind, a, width)
+            passed: Tensor = slide_by_doubling(self, kind, a, width)
             return passed
         moments = a.shape[-1]
         blocks = -(-moments // width)

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.learning import TOO_FEW_SCENES, TOO_RARE_TO_TRAIN
-from scenegen.lang.formula.core import gated
+from scenegen.lang.formula.core import gate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.codec import Codec
 from scenegen.learn.robustness import Robustness
@@ -73,7 +73,7 @@ def base_draw(
     too rarely for plain draws."""
     if spec.core.requirement is None:
         return _free_draw(spec, scenes, generator)
-    spec_loss = Robustness(gated(spec.core))
+    spec_loss = Robustness(gate(spec.core))
     kept, found, tried = [torch.empty(row_count(len(spec.core.objects)), 0)], 0, 0
     while found < scenes:
         if tried >= PATIENCE and found * PATIENCE < tried:

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from scenegen.errors import RequestError
 from scenegen.errors.learning import TOO_RARE_TO_TRAIN
-from scenegen.lang.formula.core import gated
+from scenegen.lang.formula.core import gate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.codec import Codec
 from scenegen.learn.robustness import Robustness
@@ -99,7 +99,7 @@ def _perturb(
     spec: CheckedSpec, hits: Tensor, count: int, noise: float, generator: torch.Generator, gathering: Gathering
 ) -> Tensor:
     """`count` perturbed hits (3N, count) that satisfy every label and what is required, and lie in the workspace."""
-    robustness, codec = Robustness(gated(spec.core)), Codec(spec.workspace, len(spec.core.objects))
+    robustness, codec = Robustness(gate(spec.core)), Codec(spec.workspace, len(spec.core.objects))
     source = codec.encode(hits)
     position = torch.ones(source.shape[1], dtype=torch.bool)
     position[along(THETA)] = False

@@ -20,11 +20,11 @@ from scenegen.errors.requests import NO_SCENES
 from scenegen.geometry import NUMPY
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.checker import check_text
-from scenegen.lang.formula.core import REQUIRE, Atom, Core, Junction, gated, part_of, read_rows
+from scenegen.lang.formula.core import REQUIRE, Atom, Core, Junction, gate, part_of, read_rows
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import THETA, TWO_PI, along, as_poses, object_count, row_count, span_of
+from scenegen.pose import THETA, along, as_poses, object_count, row_count, span_of, wrap_heading
 from scenegen.scenes.data import RequestData
 from scenegen.search import spec_bounds
 
@@ -51,7 +51,7 @@ def sweep(scenes: SceneArrays, label: str | None = None, frames: int = 24) -> tu
     chosen = chosen_label(spec.labels, label)
     if scenes.header.counts:
         spec, scenes = _hardest_numbers(spec, scenes, chosen)
-    core = gated(spec.core)
+    core = gate(spec.core)
     start = _start(spec, rows_of(spec, scenes), chosen)
     here = float(np.min(score(core, list(start), NUMPY)[chosen]))
     reached = float(scenes.phi[chosen].max()) if chosen in scenes.phi else SOLVED_PHI
@@ -78,7 +78,7 @@ def _hardest_numbers(spec: CheckedSpec, scenes: SceneArrays, label: str) -> tupl
 
 def _start(spec: CheckedSpec, rows: Array, label: str) -> Array:
     """(3N, 1): a hard scene."""
-    core = gated(spec.core)
+    core = gate(spec.core)
     low, high = spec.workspace.box(len(core.objects))
     drawn = np.random.default_rng(0).uniform(low[:, None], high[:, None], size=(len(low), SWEEP_CANDIDATES))
     for index, pose in spec.fixed.items():
@@ -95,7 +95,7 @@ def _start(spec: CheckedSpec, rows: Array, label: str) -> Array:
 
 def _walk(spec: CheckedSpec, start: Array, label: str, targets: Array) -> list[Array]:
     """Scenes (3N, 1) at each target in turn, as far as they can be had."""
-    core = gated(spec.core)
+    core = gate(spec.core)
     core = part_of(core, [label, *(name for name in core.labels if name == REQUIRE)])
     low, high = np.full(len(core.labels), -np.inf), np.full(len(core.labels), np.inf)
     aim = np.zeros(len(core.labels))
@@ -148,9 +148,7 @@ def approach(
         jacobian = gradients(core, row, shares, moving, SHIFT * scale) * scale[moving]
         shift = _newton(jacobian, (target - phi)[off], SOFT_DAMPING if soft else HARD_DAMPING)
         row[moving] += scale[moving] * shift
-        theta = row[along(THETA)]
-        theta %= TWO_PI
-        theta[theta >= TWO_PI] = 0.0  # to which rounding can bring what is just below 0
+        row[along(THETA)] = wrap_heading(np, row[along(THETA)])
         row[moving] = np.clip(row, lowest, highest)[moving]
     return row
 

@@ -18,7 +18,7 @@ from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, ScenegenError, quoted
 from scenegen.errors.requests import MISSING_ARGUMENT, UNKNOWN_CHOICE, UNKNOWN_LABEL, WRONG_VALUE
 from scenegen.geometry import MATH, NUMPY
-from scenegen.lang.formula.core import Core, Junction, gated
+from scenegen.lang.formula.core import Core, Junction, gate
 from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec, members_of
 
@@ -158,7 +158,7 @@ class Scorer:
 
     def __init__(self, target: Goal) -> None:
         self._members = members_of(target.spec.require_scenes())
-        self._cores: tuple[Core, ...] = tuple(gated(one.core) for one in self._members.specs)
+        self._cores: tuple[Core, ...] = tuple(gate(one.core) for one in self._members.specs)
         self.requires = any(one.core.requirement is not None for one in self._members.specs)
 
     def __call__(self, rows: Array) -> Array:

@@ -31,7 +31,7 @@ from scenegen.errors.requests import (
 from scenegen.lang.spec import CheckedSpec, rows_among
 from scenegen.play.environments.goal import Goal, as_gymnasium, refused
 from scenegen.play.tasks import PhiBox
-from scenegen.pose import NAMES, SIZE, THETA, TWO_PI, X, along, row_count, row_of
+from scenegen.pose import NAMES, SIZE, THETA, TWO_PI, X, along, row_count, row_of, wrap_heading
 from scenegen.sampling.request import BAND_HALF_WIDTH, Range
 from scenegen.scenes.arrange import check_scenes
 from scenegen.scenes.data import Pose, RestingPose, SceneData
@@ -179,9 +179,7 @@ def read_scene(spec: Spec, scene: object) -> Array:
         what = f"lacks {quoted(missing)}" if missing else f"has {quoted(extra)}"
         raise refused(OTHER_OBJECTS(scene=f"a scene that {what}", wanted=checked.objects))
     rows = np.array([_pose(name, poses[name]) for name in checked.objects]).ravel()
-    theta = rows[along(THETA)]
-    theta %= TWO_PI
-    theta[theta >= TWO_PI] = 0.0
+    rows[along(THETA)] = wrap_heading(np, rows[along(THETA)])
     for index, pose in checked.fixed.items():
         if abs(math.remainder(rows[row_of(index, THETA)] - pose[THETA], TWO_PI)) < 1e-9:
             rows[row_of(index, THETA)] = pose[THETA]

@@ -17,7 +17,7 @@ from scenegen.errors import quoted
 from scenegen.errors.learning import NOTHING_TO_MOVE, WRONG_ACTION
 from scenegen.errors.requests import CANNOT_BE_HELD, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
 from scenegen.geometry import PRIMITIVES, Circle
-from scenegen.lang.formula.core import Apply, Atom, Coord, Core, gated, part_of
+from scenegen.lang.formula.core import Apply, Atom, Coord, Core, gate, part_of
 from scenegen.lang.spec import CheckedSpec, members_of
 from scenegen.play.environments.goal import names, number, one_of, refused
 from scenegen.pose import FLAT, LENGTHS, NAMES, PLACE, SIZE, THETA, TWO_PI, X, axis_of, owner, row_of
@@ -112,7 +112,7 @@ def headings_of(spec: CheckedSpec, requirement: bool = False) -> set[int]:
     place = {name: number for number, name in enumerate(spec.core.objects)}
     found: set[int] = set()
     for one in spec.members or (spec,):
-        core = gated(one.core) if requirement else one.core
+        core = gate(one.core) if requirement else one.core
         found |= {place[core.objects[which]] for which in headings(core)}
     return found
 

@@ -18,7 +18,7 @@ from scenegen.errors import RequestError, quoted
 from scenegen.errors.learning import NO_UNMET_GOAL
 from scenegen.errors.requests import CHOICES_NOT_HERE, TIME_NOT_HERE, WRONG_VALUE
 from scenegen.lang.formula.core import Coord, part_of
-from scenegen.lang.spec import chosen
+from scenegen.lang.spec import chosen_options
 from scenegen.learn.model import Model
 from scenegen.play.environments.env import (
     Episodes,
@@ -42,7 +42,7 @@ from scenegen.play.environments.request import (
 )
 from scenegen.play.environments.spaces import ActionMoves, ObservationEncoder, make_moves, make_views
 from scenegen.play.tasks import MOTION_ID, PhiBox
-from scenegen.pose import TWO_PI, is_angle, owner, row_count
+from scenegen.pose import is_angle, owner, row_count, wrap_heading
 from scenegen.sampling.request import Range
 
 # --------------------------------------------------------------------------------------------------------------------
@@ -99,8 +99,7 @@ class Rules:
         off: Mask = np.asarray((np.abs(flat - kept) > EDGE).any(axis=0))
         rows[self.flat] = kept
         if len(self.turning):
-            theta = np.mod(rows[self.turning], TWO_PI)
-            rows[self.turning] = np.where(theta >= TWO_PI, 0.0, theta)  # the remainder of -1e-17 is rounded up
+            rows[self.turning] = wrap_heading(np, rows[self.turning])
         phi = self.score(rows)
         blocked = np.zeros(len(off), dtype=np.bool_)
         if self.score.requires:
@@ -158,7 +157,9 @@ def _refuse_surfaces(target: Goal) -> None:
     except RequestError:
         return  # there is no goal, or no start: the first reset says why
     spec = target.spec.require_scenes()
-    good, begun = (np.stack([chosen(one, each.T) for one in spec.choices.values()], axis=1) for each in (met, starts))
+    good, begun = (
+        np.stack([chosen_options(one, each.T) for one in spec.choices.values()], axis=1) for each in (met, starts)
+    )
     together = set(map(tuple, good.tolist()))
     lost = float(np.mean([tuple(one) not in together for one in begun.tolist()]))
     if lost == 0.0 or len(met) < LOOK or len(together) > LOOK // 16:  # so many ways to stand are not all seen

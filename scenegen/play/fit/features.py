@@ -14,7 +14,7 @@ import numpy as np
 
 from scenegen.arrays import Array
 from scenegen.geometry import NUMPY, PRIMITIVES
-from scenegen.lang.formula.core import Atom, Coord, atoms_below, below, children, moved
+from scenegen.lang.formula.core import Atom, Coord, atoms_below, children, nodes_below, renumber
 from scenegen.lang.formula.interpret import evaluate, is_constant
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import FLAT, PLACE, span_of
@@ -48,7 +48,7 @@ def fingerprint(spec: CheckedSpec, label: str) -> str:
     requires, and its other labels, are no part of it."""
     formulas: list[str] = []
     for node in spec.core.nodes:
-        own = node.text if isinstance(node, Atom) else moved(node, defaultdict(int))
+        own = node.text if isinstance(node, Atom) else renumber(node, defaultdict(int))
         formulas.append(_sha256(own, [formulas[child] for child in children(node)]))
     things = [(name, shape.footprint) for name, shape in zip(spec.objects, spec.shapes, strict=True)]
     return _sha256(label, things, sorted(spec.fixed.items()), spec.workspace, formulas[spec.core.labels[label]])
@@ -61,7 +61,7 @@ def _sha256(*values: object) -> str:
 def things_of(spec: CheckedSpec, label: str) -> list[int]:
     """The objects that the success formula is about, then those that the spec holds in place (formulas have numbers
     instead of these), at most so many."""
-    nodes = (spec.core.nodes[index] for index in below(spec.core.nodes, [spec.core.labels[label]]))
+    nodes = (spec.core.nodes[index] for index in nodes_below(spec.core.nodes, [spec.core.labels[label]]))
     read = {node.object for node in nodes if isinstance(node, Coord)}
     free = sorted(one for one in read if one < len(spec.objects))
     return [*free, *(one for one in sorted(spec.fixed) if one not in free)][:MOST_THINGS]

@@ -17,7 +17,7 @@ import numpy as np
 from scenegen.arrays import Array, Bool, Index
 from scenegen.geometry import NUMPY, PRIMITIVES, Footprint
 from scenegen.geometry.footprint import Box, Circle, Polygon, corners, edges, measures
-from scenegen.lang.formula.core import Coord, Core, Node, restricted
+from scenegen.lang.formula.core import Coord, Core, Node, restrict
 from scenegen.lang.formula.interpret import Numbers, fold
 from scenegen.pose import FLAT, along
 from scenegen.sampling.growth.graph import Clause, Graph, Pair
@@ -119,7 +119,7 @@ class Values:
 
 def make_values(core: Core, wanted: Sequence[int]) -> Values:
     """The evaluator of some nodes of a core."""
-    steps, place = restricted(core.nodes, wanted)
+    steps, place = restrict(core.nodes, wanted)
     rows = tuple(sorted({node.row for node in steps if isinstance(node, Coord)}))
     return Values(steps, tuple(place[node] for node in wanted), rows)
 

@@ -33,8 +33,8 @@ from scenegen.lang.formula.core import (
     Junction,
     Node,
     children,
-    moved,
-    restricted,
+    renumber,
+    restrict,
 )
 from scenegen.pose import FLAT, PLACE, X, owner, row_of, rows_of
 from scenegen.sampling.problem import Problem
@@ -407,7 +407,7 @@ class _Builder:
         box = [np.broadcast_to(ends[:, None], shape) for ends in (problem.lowest, problem.highest)]
         lo, hi = start(problem.tape, wanted, *box)
         tape = problem.tape
-        nodes, number = restricted(tape.nodes, [tape.where[node] for ends in wanted for node in ends])
+        nodes, number = restrict(tape.nodes, [tape.where[node] for ends in wanted for node in ends])
         old = list(number)
         alive = contract(nodes, lo[old], hi[old], self._rounds, effort=self._effort)
         return [way for way, possible in zip(ways, alive, strict=True) if possible]
@@ -420,7 +420,7 @@ class _Builder:
         highest = np.repeat(problem.highest[:, None], count, axis=1)
         wanted = [{one.node: (float(one.low[cell]), float(one.high[cell])) for one in clauses} for cell in range(count)]
         lo, hi = start(tape, wanted, lowest, highest)
-        nodes, number = restricted(tape.nodes, [*(tape.where[one.node] for one in clauses), *tape.rows.values()])
+        nodes, number = restrict(tape.nodes, [*(tape.where[one.node] for one in clauses), *tape.rows.values()])
         old = list(number)
         lo, hi = lo[old], hi[old]
         alive = contract(nodes, lo, hi, self._rounds, effort=self._effort)
@@ -468,7 +468,7 @@ def add_implied_atoms(core: Core) -> Core:
     nodes: list[Node] = []
     place: dict[int, int] = {}
     for old, node in enumerate(core.nodes):
-        new = moved(node, place)
+        new = renumber(node, place)
         if isinstance(node, Junction) and isinstance(new, Junction) and node.kind == "min":
             more = _implied_atoms(core.nodes, node, place, nodes)
             new = replace(new, args=(*new.args, *more)) if more else new

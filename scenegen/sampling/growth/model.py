@@ -12,7 +12,7 @@ import numpy as np
 
 from scenegen.arrays import Array, Bool, Index
 from scenegen.geometry.footprint import measures
-from scenegen.pose import BELOW_TURN, THETA, TWO_PI, along, axis_of, is_angle, owner, rows_of
+from scenegen.pose import TWO_PI, axis_of, is_angle, keep_below_turn, owner, rows_of
 from scenegen.sampling.growth.constraints import ObjectConstraints, Values, is_within, make_constraints, make_values
 from scenegen.sampling.growth.graph import Clause, Disjunction, Graph, add_implied_clauses, make_graph
 from scenegen.sampling.growth.room import FreePoses, SupportPoses, make_room, make_support_poses
@@ -348,7 +348,7 @@ class GrowthModel:
         for row in range(len(lowest)):
             if row not in self.graph.rows and lowest[row] < highest[row]:
                 rows[row] = lowest[row] + rng.random(rows.shape[1]) * (highest[row] - lowest[row])
-        np.minimum(rows[along(THETA)], BELOW_TURN, out=rows[along(THETA)])
+        keep_below_turn(rows)
         return rows
 
     def is_circular(self, row: int) -> bool:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenegen.arrays import Array, Bool, Index
-from scenegen.lang.formula.core import Coord, Junction, Node, restricted
+from scenegen.lang.formula.core import Coord, Junction, Node, restrict
 from scenegen.pose import THETA, TWO_PI, axis_of
 from scenegen.sampling.growth.constraints import ObjectConstraints
 from scenegen.sampling.growth.graph import Clause, demands_of, flat_args
@@ -198,7 +198,7 @@ def make_room(
     if not wanted:
         return FreePoses(constraints, (), (), (), (), {}, ((-1, ()),), scale)
     dims = [tape.rows[row] for row in rows]
-    nodes, number = restricted(tape.nodes, [*wanted, *dims])
+    nodes, number = restrict(tape.nodes, [*wanted, *dims])
     mine = {number[node] for node in dims}
     others = [(place, node.row) for place, node in enumerate(nodes) if isinstance(node, Coord) and place not in mine]
     return FreePoses(

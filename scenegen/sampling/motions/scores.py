@@ -28,7 +28,7 @@ from scenegen.lang.formula.core import (
     Node,
     Window,
     part_of,
-    restricted,
+    restrict,
 )
 from scenegen.lang.formula.interpret import (
     GapMinima,
@@ -288,7 +288,7 @@ def _stage(timed: Timed, nodes: tuple[int, ...], needed: Sequence[Mask]) -> _Tim
         steps = any(isinstance(node, Coord) and node.object >= count for node in core.nodes)
         usual, signs = find_groups(core, roots), find_groups(core, roots, SIGN_GAPS, SIGN_GAPS_EACH)
         parts.append(_StateFormulas(core, tuple(signals), np.flatnonzero(needed[signals[0]]), steps, usual, signs))
-    kept, place = restricted(cast("Sequence[Node]", timed.nodes), nodes)  # a signal is a leaf, like a coordinate
+    kept, place = restrict(cast("Sequence[Node]", timed.nodes), nodes)  # a signal is a leaf, like a coordinate
     bare = replace(timed, nodes=cast("tuple[TimeNode, ...]", kept), labels={}, requirement=None)
     return _TimedFormulas(bare, tuple(place[node] for node in nodes), tuple(parts))
 

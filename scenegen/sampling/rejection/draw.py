@@ -12,7 +12,7 @@ from scenegen.arrays import Array, Bool, Index
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core, Junction, Node, children
 from scenegen.lang.formula.interpret import FEWEST_GAPS, GapMinima, evaluate, find_groups
-from scenegen.pose import BELOW_TURN, THETA, along, row_count
+from scenegen.pose import keep_below_turn, row_count
 from scenegen.sampling.problem import LIVE_NUMBERS, SCENES_IN_CACHE, Problem
 from scenegen.sampling.streams import REJECTION_PLAN_STREAM
 from scenegen.search.effort import Effort, work_per_scene
@@ -263,7 +263,7 @@ def _draw(
     """Candidates (3N, B), which of them belong to each part, and which are scenes of its box, (B,)."""
     rows = np.empty((len(problem.lowest), count)) if room is None else room[:, :count]
     usable, spans = cover.draw(rows, rng)
-    np.minimum(rows[along(THETA)], BELOW_TURN, out=rows[along(THETA)])
+    keep_below_turn(rows)
     return rows, spans, usable
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from scenegen.arrays import Array, Bool
 from scenegen.geometry import NUMPY, PRIMITIVES, Namespace
 from scenegen.geometry.namespace import turning
-from scenegen.lang.formula.core import Apply, Atom, Coord, Core, Junction, last_uses, needed, part_of, read_rows
+from scenegen.lang.formula.core import Apply, Atom, Coord, Core, Junction, last_uses, needed_nodes, part_of, read_rows
 from scenegen.lang.formula.interpret import Numbers, fold
 from scenegen.pose import THETA, TWO_PI, X, Y, axis_of, is_angle, owner, rows_of
 from scenegen.search.effort import NEVER, Stop
@@ -153,7 +153,7 @@ class ChainTape:
     def __init__(self, chain_state: ChainState, core: Core | None = None, stop: Stop = NEVER) -> None:
         self._stop = stop
         core = chain_state.core if core is None else core
-        read = needed(core)
+        read = needed_nodes(core)
         self._core = core if len(read) == len(core.nodes) else part_of(core, tuple(core.labels))
         self._dead = last_uses(self._core)
         self.length = len(read)

@@ -18,7 +18,7 @@ import numpy as np
 from scenegen.errors import DataError
 from scenegen.errors.files import NO_WORLD
 from scenegen.geometry import Footprint
-from scenegen.geometry.footprint import Rectangle, clipped, signed_area
+from scenegen.geometry.footprint import Rectangle, clip, signed_area
 from scenegen.geometry.workspace import BOARD, LARGEST
 from scenegen.lang.spec import Region
 from scenegen.pose import as_poses, flat, row_count
@@ -461,7 +461,7 @@ def _patches(regions: Sequence[RegionData], table: Rectangle) -> tuple[Patch, ..
     patches: list[Patch] = []
     for region, color in zip(regions, region_colors([region.name for region in regions]), strict=True):
         pose = (region.pose.x, region.pose.y, region.pose.theta)
-        lying = clipped(_corners(footprint_of(region.footprint), pose), table)
+        lying = clip(_corners(footprint_of(region.footprint), pose), table)
         if len(lying) >= 3 and signed_area(lying) > MIN_SHEET_AREA:
             top = region.height
             sheet = min(BOARD, top) if top else SHEET * (1.0 + 0.25 * len(patches))

@@ -9,7 +9,7 @@ from scipy import stats
 
 from experiments.metrics import kolmogorov_smirnov
 from scenegen.lang.checker import check_text
-from scenegen.lang.formula.core import REQUIRE, gated
+from scenegen.lang.formula.core import REQUIRE, gate
 from scenegen.learn.models.codec import Codec
 from scenegen.learn.models.correction import Correction, McmcMoves
 from scenegen.learn.models.correction import _newton as newton
@@ -41,7 +41,7 @@ def uniform(spec):
 
 
 def of(spec, rows):
-    return Robustness(gated(spec.core)).rows(rows)
+    return Robustness(gate(spec.core)).rows(rows)
 
 
 @pytest.mark.parametrize("wanted", [(-0.2, 0.1), (0.1, math.nan), (math.nan, -0.1)])
@@ -158,7 +158,7 @@ def test_what_is_out_of_reach_is_given_up_soon(spec):
 
 
 def test_the_requirement_is_a_value_of_its_own(spec):
-    assert list(gated(spec.core).labels) == ["near", "apart", REQUIRE]
+    assert list(gate(spec.core).labels) == ["near", "apart", REQUIRE]
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4])

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from scenegen.lang.checker import check_text
-from scenegen.lang.formula.core import gated
+from scenegen.lang.formula.core import gate
 from scenegen.learn.any import exact_scenes
 from scenegen.learn.models.frames import frames_of
 from scenegen.learn.models.graph import ROOT, graph_of, union
@@ -49,7 +49,7 @@ def networks():
 @pytest.mark.parametrize("name", SPECS)
 def test_margins_and_slopes_are_the_formulas(name):
     spec = shipped(name)
-    graph, core, rows = graph_of(frames_of(spec)), gated(spec.core), scenes(spec, 40)
+    graph, core, rows = graph_of(frames_of(spec)), gate(spec.core), scenes(spec, 40)
     nodes = [graph.place_of.tolist().index(atom) for atom in range(graph.atoms)]
     alone = dataclasses.replace(core, labels={str(node): node for node in nodes})
     margins, slopes = graph.margins(rows)
@@ -67,7 +67,7 @@ def test_margins_and_slopes_are_the_formulas(name):
 
 def test_roots_and_deciding_atoms():
     spec = check_text(f"object a, b, c{PLAIN}", "plain")
-    graph, core, rows = graph_of(frames_of(spec)), gated(spec.core), scenes(spec, 200)
+    graph, core, rows = graph_of(frames_of(spec)), gate(spec.core), scenes(spec, 200)
     assert graph.labels == 3 and graph.required.tolist() == [False, False, True]
     assert graph.in_order() == [[0], [1]]
     places = graph.places(deciding(core, rows))

@@ -18,9 +18,9 @@ import scenegen
 from scenegen.api.monitor import score_trajectory
 from scenegen.api.spec import parse
 from scenegen.geometry import NUMPY
-from scenegen.geometry.workspace import turned
+from scenegen.geometry.workspace import wrap_headings
 from scenegen.lang.checker import check_text
-from scenegen.lang.formula.core import Atom, gated
+from scenegen.lang.formula.core import Atom, gate
 from scenegen.lang.formula.interpret import bare_rows, evaluate, phi
 from scenegen.lang.formula.timed import score
 from scenegen.learn.robustness import Robustness
@@ -165,11 +165,11 @@ def test_nothing_is_done_where_a_turn_makes_no_difference():
 
 def test_storage():
     rows = np.array([[0.5] * len(THETAS), [0.5] * len(THETAS), THETAS])
-    theta = turned(rows)[2]
+    theta = wrap_headings(rows)[2]
     assert ((theta >= 0.0) & (theta < TWO_PI)).all()
     assert np.allclose(np.exp(1j * theta), np.exp(1j * np.array(THETAS)), atol=1e-12)
     inside = rows[:, -2:]
-    assert turned(inside) is inside
+    assert wrap_headings(inside) is inside
 
 
 def test_scenes_that_were_read_and_scored(tmp_path):
@@ -246,7 +246,7 @@ def test_unrolled_steps():
     run = TraceRobustness(timed)
     still = Robustness(core)
     assert torch.equal(still(poses.reshape(5, 8, 3)), run(poses))
-    assert torch.equal(Robustness(gated(core))(poses.reshape(5, 8, 3))[:, 1], run.required(poses))
+    assert torch.equal(Robustness(gate(core))(poses.reshape(5, 8, 3))[:, 1], run.required(poses))
 
 
 TABLE = """object plate, mug, fork, knife, spoon, a = box(0.1, 0.1, 0.05), b = box(0.1, 0.1, 0.05)
@@ -286,7 +286,7 @@ def close(found, wanted):
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_the_same_as_of_the_whole_formula(dtype):
-    core = gated(check_text(TABLE).core)
+    core = gate(check_text(TABLE).core)
     rows, slopes = uniform(7, 4096).to(dtype), Slopes(core)
     values, atoms = slopes(rows)
     wanted, gradients = whole(core, rows)
@@ -296,7 +296,7 @@ def test_the_same_as_of_the_whole_formula(dtype):
 
 
 def test_the_atom_named_is_one_that_decides():
-    core = gated(check_text(TABLE).core)
+    core = gate(check_text(TABLE).core)
     rows = uniform(7, 512, 1).double()
     values, atoms = Slopes(core)(rows)
     margins = np.stack([np.broadcast_to(value, 512) for value in evaluate(core, list(rows.numpy()), NUMPY)])
@@ -306,7 +306,7 @@ def test_the_atom_named_is_one_that_decides():
 
 
 def test_only_where_it_is_wanted():
-    core = gated(check_text(TABLE).core)
+    core = gate(check_text(TABLE).core)
     rows, slopes = uniform(7, 300, 2), Slopes(core)
     atoms = slopes(rows)[1][-1]
     where = torch.arange(300) % 3 == 0

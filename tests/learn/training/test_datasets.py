@@ -17,7 +17,7 @@ from scenegen.errors import DataError, RequestError
 from scenegen.geometry import ANGLE, LENGTH
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.checker import check_text
-from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, gated
+from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, gate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.training import balanced as balanced_reach
@@ -162,7 +162,7 @@ def test_balanced_data_has_the_part_that_is_nearly_solved():
 def test_balanced_data_keeps_what_is_required():
     spec = check_text("object mug, plate\nrequire noOverlap()\ntask: closeTo(mug, plate, 0.2)", "apart.spec")
     data = balanced(spec, 500, seeded())
-    core = gated(spec.core)
+    core = gate(spec.core)
     assert (Robustness(core).rows(data.rows.double())[-1] >= -1e-6).all()
 
 
@@ -178,7 +178,7 @@ def test_held_objects_and_requirements(name):
     spec = check_text(text, "held.spec")
     data = dataset_maker(name)(spec, 3000, seeded())
     assert torch.allclose(data.rows[3:], torch.tensor([0.5, 0.4, 1.0])[:, None].expand(3, 3000))
-    assert (Robustness(gated(spec.core)).rows(data.rows)[-1] >= 0.0).all()
+    assert (Robustness(gate(spec.core)).rows(data.rows)[-1] >= 0.0).all()
 
 
 def test_a_requirement_that_plain_draws_do_not_meet():

@@ -21,7 +21,7 @@ from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import evaluate
 from scenegen.errors import OutputError
 from scenegen.lang.checker import check_text
-from scenegen.lang.formula.core import gated
+from scenegen.lang.formula.core import gate
 from scenegen.processes.process import MALLOC_VARIABLES, environment
 from scenegen.sampling.engine.blocks import BlockAssembler
 from scenegen.sampling.engine.engines import Local, ShardWriter
@@ -242,7 +242,7 @@ def test_scenes_are_those_asked_for(tmp_path, spec):
     np.testing.assert_array_equal(evaluate(spec, scenes)["task"], scenes.phi["task"])
     poses = scenes.poses
     assert np.hypot(*(poses[:, 0, :2] - poses[:, 1, :2]).T).min() >= 0.25 - 1e-12
-    assert gated(spec.core) is not spec.core
+    assert gate(spec.core) is not spec.core
     counts = np.histogram(scenes.phi["task"], bins=32, range=(0.0, 0.3))[0]
     assert counts.min() == counts.max() == 625
 

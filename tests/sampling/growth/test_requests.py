@@ -14,7 +14,7 @@ from scenegen.api.spec import parse
 from scenegen.errors import RequestError
 from scenegen.geometry import NUMPY
 from scenegen.lang.checker import check_text
-from scenegen.lang.formula.core import REQUIRE, gated
+from scenegen.lang.formula.core import REQUIRE, gate
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.resources import shipped_specs
 from scenegen.sampling.engine.run import draw
@@ -119,7 +119,7 @@ task: forall d in disc: closeTo(d, (0.5, 0.5), 45 cm)
 def plain():
     """phi of `task` among plain uniform scenes that meet the requirement, and how many there were."""
     spec = check_text(TABLE)
-    core, (lowest, highest) = gated(spec.core), spec.box()
+    core, (lowest, highest) = gate(spec.core), spec.box()
     found, rng = [], np.random.default_rng(5)
     for _ in range(4):
         rows = lowest[:, None] + (highest - lowest)[:, None] * rng.random((len(lowest), 200_000))

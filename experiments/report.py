@@ -13,6 +13,7 @@ from experiments.errors import CANNOT_REPLACE_TABLES
 from experiments.page import block, fill
 from experiments.plan import Plan
 from scenegen.errors import DataError
+from scenegen.resources import __version__
 from scenegen.scenes.files import ensure_folder, write_whole
 
 SHOWN = 5  # seeds that are named one by one
@@ -40,7 +41,7 @@ def write(plan: Plan, report: Report) -> list[str]:
         "experiment": report.name,
         "quick": plan.quick,
         "seeds": list(plan.seeds),
-        "scenegen": version("scenegen"),
+        "scenegen": __version__,
         "torch": version("torch"),
         **report.data,
         "figures": sorted(report.figures),
@@ -57,7 +58,7 @@ def _page(plan: Plan, report: Report) -> str:
     passes = f" --epochs {plan.epochs}" if plan.epochs is not None else ""
     command = f"python -m experiments {report.name}{passes}" + " --quick" * plan.quick
     seeds = _listed(plan.seeds)
-    made = f"Tables and figures: `{command}`, seeds {seeds}; scenegen {version('scenegen')}, torch {version('torch')}."
+    made = f"Tables and figures: `{command}`, seeds {seeds}; scenegen {__version__}, torch {version('torch')}."
     blocks = {"made": f"{made}\n\n{QUICK_NOTE}" if plan.quick else made, **report.blocks}
     try:
         old = path.read_text(encoding="utf-8") if path.exists() else f"# {report.title}\n\n{block('made', '')}\n"

@@ -53,7 +53,7 @@ class Clock:
         return f"{now - marks[0]:.0f} s in all" + (f" ({told})" if told else "")
 
 
-@asking(TrainConfig, model="flow", recipe="default")
+@asking(TrainConfig, model="flow")
 def train(
     specs: list[Path] = SPEC_FILES,
     out: str = option(
@@ -86,7 +86,7 @@ def train(
       scenegen sample m.safetensors --phi 0:0.2 -n 100 --out scenes.json
       scenegen train specs/*.spec --out models/
 
-    Unspecified options take the recipe's defaults. Ctrl-C leaves a usable model; --resume then continues to the same
+    Unspecified options take the model's defaults. Ctrl-C leaves a usable model; --resume then continues to the same
     result as an uninterrupted run (it reads FILE.train beside the model, which you can delete afterwards). With more
     --epochs than at first, the learning rate follows the new schedule from there on.
 
@@ -106,9 +106,9 @@ def train(
     from scenegen.sampling.problem import Budget
 
     options = {**typed, "hyper": parse_settings(typed["hyper"] or [])}
-    model, recipe, phi = (options.pop(name) for name in ("model", "recipe", "phi"))
+    model, phi = options.pop("model"), options.pop("phi")
     # refused before anything is read, loaded or drawn; the rest of the imports bring torch, which takes seconds
-    config = make_config(model, recipe, **options)
+    config = make_config(model, **options)
     counts = parse_counts(count)
     budget = Budget(math.inf if timeout is None else left(as_seconds("timeout", timeout)))
     if len(specs) > 1 or names_set(out):
@@ -119,7 +119,7 @@ def train(
         need("torch", "to train a model")
         ensure_folder(folder)
         jobs = [job for name, spec in named for job in trainings(name, spec, folder, root, counts)]
-        job = Training(model, recipe, options, card, resume, budget, log_dir, root, counts, tuple(phi or ()))
+        job = Training(model, options, card, resume, budget, log_dir, root, counts, tuple(phi or ()))
         return shared_work(job, jobs, engine, workers, address, "training")
     refuse_engine(engine, address)
     from scenegen.errors.learning import FOLDER_OF_MODELS
@@ -144,7 +144,7 @@ def train(
     detail(f"parsed and checked {spec}; training {config}")
     clock = Clock()
     with TrainingProgress(config.epochs, model, console()) as progress:
-        train_on = partial(run, checked, model, recipe=recipe, out=path, resume=resume, log_dir=log_dir, phi=wanted)
+        train_on = partial(run, checked, model, out=path, resume=resume, log_dir=log_dir, phi=wanted)
         tell: dict[str, Any] = {"on_step": clock.told(progress.step), "on_gather": progress.gather}
         tell["on_note"] = lambda note: progress.note(render(note, spell=flag))
         done = train_on(on_epoch=progress, timeout=timeout and budget.seconds_left, **tell, **options)
@@ -199,7 +199,6 @@ class Training:
     raises."""
 
     model: str
-    recipe: str
     options: dict[str, Any]
     card: bool
     resume: bool
@@ -231,9 +230,7 @@ class Training:
         if going and self._complete(spec, out) and not (self.card and not card_paths(out)[0].exists()):
             return JobMessages((f"complete already: {out}",))
         notes: list[Diagnostic] = []
-        run = partial(
-            train, spec, self.model, recipe=self.recipe, out=out, resume=going, on_note=notes.append, phi=wanted
-        )
+        run = partial(train, spec, self.model, out=out, resume=going, on_note=notes.append, phi=wanted)
         log_dir = (
             None if self.log_dir is None else self.log_dir / (f"{source.stem}/{out.stem}" if numbers else out.stem)
         )
@@ -258,7 +255,7 @@ class Training:
         if not state_path(out).exists():
             return False
         asked = trained_on(spec, parse_phi(self.phi, spec.labels))
-        config = make_config(self.model, self.recipe, phi=asked, **self.options)
+        config = make_config(self.model, phi=asked, **self.options)
         if load_state(state_path(out), spec.checked, config).epoch < config.epochs:
             return False
         try:

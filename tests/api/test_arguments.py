@@ -333,7 +333,7 @@ def scenes(spec):
 @pytest.fixture(scope="module")
 def model(spec, tmp_path_factory):
     out = tmp_path_factory.mktemp("model") / "m.safetensors"
-    return scenegen.train(spec, "gan", recipe="paper", out=out, epochs=np.int64(1), scenes=200, lr=np.float32(1e-3))
+    return scenegen.train(spec, "gan", data="uniform", out=out, epochs=np.int64(1), scenes=200, lr=np.float32(1e-3))
 
 
 def test_numpys_numbers_are_as_good_as_pythons(spec, tmp_path):
@@ -392,14 +392,14 @@ def test_specs_and_models(model, tmp_path):
 )
 def test_trainings(spec, tmp_path, options, said):
     with pytest.raises(scenegen.RequestError, match=said):
-        scenegen.train(spec, "energy", out=tmp_path / "m.safetensors", **options)
+        scenegen.train(spec, "gan", out=tmp_path / "m.safetensors", **options)
     assert not list(tmp_path.iterdir())
 
 
 def test_data_by_path_and_never_overwritten(spec, tmp_path):
     data = scenegen.sample(spec, n=64).save(tmp_path / "d.json")
     before = data.read_bytes()
-    settings = {"recipe": "paper", "epochs": 1, "data": data}
+    settings = {"epochs": 1, "data": data}
     with pytest.raises(scenegen.OutputError, match="would overwrite what it is made from"):
         scenegen.train(spec, "gan", out=data, **settings)
     made = scenegen.train(spec, "gan", out=tmp_path / "m.safetensors", **settings)

@@ -15,7 +15,7 @@ def model(here):
     """A model file of good.spec, barely trained, with its training state beside it."""
     import scenegen
 
-    scenegen.train(scenegen.load("good.spec"), "gan", recipe="paper", out="m.safetensors", epochs=1, scenes=64)
+    scenegen.train(scenegen.load("good.spec"), "gan", data="uniform", out="m.safetensors", epochs=1, scenes=64)
     return here / "m.safetensors"
 
 
@@ -111,7 +111,7 @@ def test_model_file(name, refused, model, here, golden):
 
 
 def test_resume_with_another_spec_or_options(refused, model, golden):
-    words = ["--model", "gan", "--recipe", "paper", "--out", "m.safetensors", "--resume", "--scenes", "64"]
+    words = ["--model", "gan", "--data", "uniform", "--out", "m.safetensors", "--resume", "--scenes", "64"]
     said = refused("train", "two.spec", *words, "--epochs", "2")
     golden("cli/errors/resume_other_spec.txt", said)
     golden("cli/errors/resume_other_seed.txt", refused("train", "good.spec", *words, "--epochs", "2", "--seed", "4"))

@@ -171,7 +171,7 @@ def test_the_papers_settings():
     found = {key: VARIANTS[0].config(problem, FULL, 3) for key, problem in PROBLEMS.items()}
     assert {key: one.batch_size for key, one in found.items()} == dict.fromkeys(PROBLEMS, 32) | {"exp2": 512}
     assert {key for key, one in found.items() if one.data == "uniform"} == {"exp1"}
-    assert {(one.epochs, one.lr, one.recipe, one.seed) for one in found.values()} == {(50, 1e-3, "paper", 3)}
+    assert {(one.epochs, one.lr, one.model, one.seed) for one in found.values()} == {(50, 1e-3, "paper-gan", 3)}
     assert found["exp3_5"].scenes == 61_867
 
 

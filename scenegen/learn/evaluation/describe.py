@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 SHOWN = 12  # maximum number of objects and labels that are listed
 TRIED = 8192  # scenes for measuring the speed
-DATA = {"balanced": "exact scenes, flat in phi", "uniform": "uniform scenes", "boosted": "uniform scenes, boosted"}
-TOLD = ("model", "recipe", "data", "scenes", "epochs", "hyper", "phi")  # training settings that are shown elsewhere
+DATA = {"balanced": "exact scenes, flat in phi", "uniform": "uniform scenes"}
+SHOWN_ELSEWHERE = ("model", "recipe", "data", "scenes", "epochs", "hyper", "phi")  # training settings
 
 
 def describe(model: Model, path: Path) -> list[tuple[str, str]]:
     """(what, value) pairs of a model whose file is `path`. Nothing in them depends on the machine."""
     card = model.trained.card
     facts = [
-        ("model", f"{card.model}, recipe {card.recipe}{_settings(card.hyper)}"),
+        ("model", f"{card.model}{_settings(card.hyper)}"),
         ("file", f"{path.stat().st_size:,} bytes, {weights(model):,} weights"),
         ("spec", f"{Path(card.spec.name).name} (SHA-256 {card.spec.sha256[:12]})"),
         ("objects", _some(card.objects)),
@@ -42,7 +42,7 @@ def describe(model: Model, path: Path) -> list[tuple[str, str]]:
     where = training.get("phi")
     if isinstance(where, dict) and where:
         facts.append(("trained at", "most scenes at " + ", ".join(f"{label}={one}" for label, one in where.items())))
-    rest = {key: value for key, value in training.items() if key not in TOLD and value is not None}
+    rest = {key: value for key, value in training.items() if key not in SHOWN_ELSEWHERE and value is not None}
     kept = "" if card.kept_epoch is None else f", epoch {card.kept_epoch} kept"
     facts.append(("training", f"{card.epochs_done} of {training.get('epochs')} epochs{kept}{_settings(rest)}"))
     last = {name: means[-1] for name, means in card.losses.means.items() if means}

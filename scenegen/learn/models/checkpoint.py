@@ -192,7 +192,7 @@ def as_trained(
 ) -> TrainedModel:
     """The model of a file's card and tensors. Raises DataError as `load_model` does, and what `stop` raises."""
     try:
-        kind = model_class(card.model, card.recipe)
+        kind = model_class(card.model if card.recipe == "default" else f"{card.recipe}-{card.model}")
         # Made on the meta device: sizes that the card merely claims cost nothing until the weights have shown them.
         hyper = card.hyper if card.corrected else {**kind.before, **card.hyper}
         model = kind(card.sizes, kind.hyper_class.model_validate(hyper))
@@ -264,7 +264,7 @@ BATCH = 2048  # scenes that a network makes at a time: its layers stay in cache
 @dataclass(frozen=True, eq=False)
 class TrainedModel:
     """A network with the model file's metadata and the spec that it was trained on, which the file holds. `correction`
-    belongs to the models of the default recipe. `regions` say how phi is distributed: each is (L, 2 + m), the lowest
+    is the last step of a scene. `regions` say how phi is distributed: each is (L, 2 + m), the lowest
     and the highest phi of a part of all scenes, infinite where it has no end, and the phi of m scenes as they occur
     there. Files of earlier versions have none.
 

@@ -1,4 +1,4 @@
-"""What the models of the default recipe share: view of scenes and labels, branches, and the consistency of phi."""
+"""What `flow`, `gan` and `aae` share: view of scenes and labels, branches, and the consistency of phi."""
 
 from __future__ import annotations
 
@@ -184,7 +184,6 @@ class ConditionedModel(SceneModel):
     Subclasses make their networks in __init__ and say in `make` how noise becomes a scene.
     """
 
-    branched = True
     betas: ClassVar[tuple[float, float]] = (0.9, 0.99)
     """Of Adam."""
 

@@ -33,7 +33,7 @@ from scenegen.learn.models.base import Hyper, Mlp, one_hot
 from scenegen.learn.models.card import Layout
 from scenegen.learn.models.codec import Examples
 from scenegen.learn.models.conditioned import ConditionedModel, detached
-from scenegen.learn.models.energy import FIRST_GATE, INSIDE, SLOPE, directions, noise
+from scenegen.learn.models.generator import FIRST_GATE, INSIDE, SLOPE, directions, noise
 
 # The network of the flow: where the path through a scene at one time will be at another.
 #
@@ -44,9 +44,9 @@ from scenegen.learn.models.energy import FIRST_GATE, INSIDE, SLOPE, directions, 
 #     jump(x, s, t) = x + (t - s) / (1 - s) * (goal(x, s, t) - x)
 #
 # so jump(x, s, 1) is the goal itself, and for t = s the goal stands for the velocity (goal - x) / (1 - s). Goals are
-# made as in scenegen.learn.models.energy, from x by a gate and a shift for each coordinate: a position is tanh(gate *
-# atanh(x) + shift), an angle gate * (cos, sin) + shift. A gate of 1 and a shift of 0 leave a coordinate where it is,
-# and no position leaves the box on the way, whatever the number of jumps.
+# made as in scenegen.learn.models.generator, from x by a gate and a shift for each coordinate: a position is
+# tanh(gate * atanh(x) + shift), an angle gate * (cos, sin) + shift. A gate of 1 and a shift of 0 leave a coordinate
+# where it is, and no position leaves the box on the way, whatever the number of jumps.
 
 
 SMALLEST = 1e-6  # of what is left of time: keeps 0 / 0 out where rounding puts s at 1

@@ -1,4 +1,4 @@
-"""The adversarial models of the default recipe: a GAN, which plays over scenes, and an AAE, which plays over codes."""
+"""The adversarial models: a GAN, which plays over scenes, and an AAE, which plays over codes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scenegen.learn.models.base import Hyper, Mlp, one_hot
 from scenegen.learn.models.card import Layout
 from scenegen.learn.models.codec import Examples
 from scenegen.learn.models.conditioned import ConditionedModel, detached
-from scenegen.learn.models.energy import FIRST_GATE, INSIDE, SLOPE, Generator, directions, noise
+from scenegen.learn.models.generator import FIRST_GATE, INSIDE, SLOPE, Generator, directions, noise
 
 # The adversarial game of the default GAN and AAE: a critic that knows phi and the branch, and what keeps it fair.
 #
@@ -80,7 +80,7 @@ START = 0.05
 
 # The default GAN: a game between a generator and a critic, both told phi and the branch.
 #
-# The generator (scenegen.learn.models.energy) makes a scene for every true one of the batch, of the same labels and
+# The generator (scenegen.learn.models.generator) makes a scene for every true one of the batch, of the same labels and
 # branch; the critic says which is which. Beside the critic's pull, the inconsistency of phi moves the generator, and
 # the selector learns how often each branch occurs. What keeps it from collapsing is measured one by one in
 # docs/models-tried.md. Above all the inconsistency stays light: the set of one phi is thin, and to bring scenes onto it
@@ -143,7 +143,7 @@ class GAN(ConditionedModel):
 
 # The default adversarial autoencoder: the game is played over codes, where both sides fill the same box.
 #
-# An encoder turns scene, labels, branch and some noise into a code, the decoder (scenegen.learn.models.energy, with
+# An encoder turns scene, labels, branch and some noise into a code, the decoder (scenegen.learn.models.generator, with
 # the code for its noise) turns the code back into the scene, and a critic sees to it that
 # codes of every phi and branch are distributed as the decoder's own noise is: uniformly. Then noise decodes to scenes
 # as they are distributed in truth. So that what lies between the codes of true scenes hits phi too, the inconsistency

@@ -394,7 +394,6 @@ class GraphFlow(SceneModel):
     """See the module's text. Fresh weights are those that come with the package, where the settings are theirs."""
 
     hyper_class = GraphHyper
-    branched = True
     thorough = True
     graph: FormulaGraph
     frames: Frames

@@ -1,4 +1,4 @@
-"""Exact scenes, spread over phi: what the default recipes learn from.
+"""Exact scenes, spread over phi: what models learn from.
 
 The scenes come from the exact samplers, and which of them are kept depends on their phi alone: so among the scenes of
 any phi they are distributed as the truth is, and none is a copy of another moved a little. They are drawn in batches,

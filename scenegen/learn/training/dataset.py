@@ -15,6 +15,7 @@ from scenegen.lang.formula.core import gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.codec import Codec
 from scenegen.learn.robustness import Robustness
+from scenegen.learn.training.gathering import Gathering
 from scenegen.pose import row_count
 from scenegen.sampling.request import Range
 
@@ -102,6 +103,13 @@ def held_in_place(spec: CheckedSpec, rows: Tensor) -> Tensor:
 def labelled(spec: CheckedSpec, rows: Tensor) -> Dataset:
     """The scenes with their phi."""
     return Dataset(spec.objects, spec.labels, rows, Robustness(spec.core).rows(rows))
+
+
+def uniform(spec: CheckedSpec, scenes: int, generator: torch.Generator, gathering: Gathering | None = None) -> Dataset:
+    """`scenes` scenes, uniform over the workspace and the circle."""
+    gathering = gathering or Gathering()
+    gathering.begin("gathering scenes", scenes)
+    return labelled(spec, base_draw(spec, scenes, generator, gathering.reach))
 
 
 # Held-out scenes: which of a data set never train.

@@ -24,7 +24,6 @@ from scenegen.errors.learning import DATA_CHANGED, TOO_FEW_IN_FILE, TOO_MANY_TO_
 from scenegen.errors.requests import NO_SCENES
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.codec import MOST, OTHER, Codec, Examples, survey, ways_of
-from scenegen.learn.models.registry import model_class
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.training.config import TrainConfig, dataset_maker, is_file
 from scenegen.learn.training.dataset import Dataset, held_count, held_places, labelled, split
@@ -320,9 +319,7 @@ class MemoryFeed(Feed):
         codec = Codec(spec.workspace, len(spec.core.objects))
         training, out = split(data, held)
         self.regions = regions_of(data)
-        branch, self.table = None, _one_branch(spec)
-        if model_class(config.model, config.recipe).branched:
-            branch, self.table = survey(spec, training.rows)
+        branch, self.table = survey(spec, training.rows)
         self.scenes = len(training)
         self.fitting, self.held = _plain(codec, training, branch), _plain(codec, out)
         self._examples = self.fitting.to(self.device)
@@ -341,9 +338,8 @@ class Windows(Feed):
         self.regions = regions_of(data.chosen)
         self._codec = Codec(spec.workspace, len(spec.core.objects))
         self._robustness = Robustness(spec.core)
-        self._branched = model_class(config.model, config.recipe).branched
         self._spec = spec
-        self.table = ranked(data.ways) if self._branched else _one_branch(spec)
+        self.table = ranked(data.ways)
         self.fitting = self._examples(data.chosen.rows)
         self.held = _plain(self._codec, data.held)
         many = WINDOW // (row_count(len(spec.core.objects)) + len(spec.labels)) // self.size
@@ -357,9 +353,7 @@ class Windows(Feed):
                 yield from self._cut(self._examples(rows).to(self.device), max(0, first), epoch, 1 + number)
 
     def _examples(self, rows: Tensor) -> Examples:
-        branch = torch.zeros(rows.shape[1], dtype=torch.int64)
-        if self._branched:
-            branch = sorted_into(self._spec, rows, self.table)
+        branch = sorted_into(self._spec, rows, self.table)
         return Examples(self._codec.encode(rows), self._robustness.rows(rows).T.contiguous(), branch)
 
 
@@ -418,7 +412,3 @@ def sorted_into(spec: CheckedSpec, rows: Tensor, table: Tensor) -> Tensor:
 def _plain(codec: Codec, data: Dataset, branch: Tensor | None = None) -> Examples:
     branch = torch.zeros(len(data), dtype=torch.int64) if branch is None else branch
     return Examples(codec.encode(data.rows), data.phi.T.contiguous(), branch, data.balanced)
-
-
-def _one_branch(spec: CheckedSpec) -> Tensor:
-    return torch.full((1, len(spec.labels)), OTHER)

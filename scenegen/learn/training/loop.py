@@ -7,7 +7,6 @@ import importlib.util
 import math
 import time
 from collections.abc import Callable, Iterator
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,7 +20,7 @@ from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.checkpoint import TrainedModel, load_model
 from scenegen.learn.models.registry import parse_hyper
-from scenegen.learn.training.config import CONSTANT, TrainConfig, is_file
+from scenegen.learn.training.config import TrainConfig, is_file
 from scenegen.learn.training.feed import make_feed
 from scenegen.learn.training.gathering import Gathering, Tell
 from scenegen.learn.training.session import EpochReport, TrainingSession
@@ -34,6 +33,7 @@ from scenegen.learn.training.state import (
 )
 from scenegen.processes.pool import one_thread
 from scenegen.processes.process import stop_signals
+from scenegen.resources import __version__
 from scenegen.scenes.files import check_folder, check_writable, reported
 
 if TYPE_CHECKING:
@@ -124,8 +124,8 @@ def train(
     """Train a model and write it to `out`, with the training state beside it in `out`.train.
 
     `resume` goes on from that state; on one CPU the result is then bit-equal to that of a run without a break, wherever
-    the break was. With more epochs than planned at first that holds for recipes with a constant rate alone (`paper`):
-    a rate that falls over the plan follows the new plan from there on, and `on_note` says so. On Ctrl-C,
+    the break was. With more epochs than planned at first, the learning rate, which falls over the plan, follows the
+    new plan from there on, and `on_note` says so. On Ctrl-C,
     SIGTERM and SIGHUP the step under way is finished, the exact state (weights, moments, noise generator, place in the
     epoch) is saved and Interrupted raised. Checkpoints are also written every few seconds, at the end of an epoch.
 
@@ -146,7 +146,7 @@ def train(
     check_writable(state_path(out), *inputs)
     check_writable(gathered_path(out), *inputs)
     _check_device(config.device)
-    parse_hyper(config.model, config.hyper, config.recipe)  # refuses bad settings before any work is done
+    parse_hyper(config.model, config.hyper)  # refuses bad settings before any work is done
     gathering_only = resume and begun(out) and not state_path(out).exists()
     saved = load_state(state_path(out), spec, config) if resume and not gathering_only else None
     say = on_note or _silent
@@ -157,7 +157,7 @@ def train(
             gathering = Gathering(timeout, on_gather, say, stop, until)
             gathering.keep_in(gathered_path(out), _run_of(spec, config), resume)
             session = _begun(spec, config, gathering, saved)
-        if saved is not None and config.recipe not in CONSTANT and 0 < saved.config.epochs != config.epochs:
+        if saved is not None and not session.model.constant_rate and 0 < saved.config.epochs != config.epochs:
             before = saved.config.epochs
             say(NEW_RATE(epochs=config.epochs, before=before))
         if session.done:
@@ -199,7 +199,7 @@ def _begun(
 def _run_of(spec: CheckedSpec, config: TrainConfig) -> str:
     """All that the gathered scenes follow from."""
     asked = sorted(config.phi.items())
-    return repr((spec.sha256, config.data, config.scenes, config.seed, asked, version("scenegen"), np.__version__))
+    return repr((spec.sha256, config.data, config.scenes, config.seed, asked, __version__, np.__version__))
 
 
 def _held(out: Path, spec: CheckedSpec, epochs: int) -> TrainedModel | None:

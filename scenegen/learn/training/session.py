@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 from pathlib import Path
 
 import torch
@@ -20,7 +19,6 @@ from scenegen.learn.models.card import (
     FORMAT,
     DataData,
     LabelData,
-    Layout,
     LossData,
     ModelCard,
     ValidationData,
@@ -34,6 +32,7 @@ from scenegen.learn.training.config import DATASETS, TrainConfig
 from scenegen.learn.training.feed import Feed
 from scenegen.learn.training.state import Stream, TrainingState, save_state, state_path, stream
 from scenegen.pose import ANGLES, LENGTHS, TWO_PI, along
+from scenegen.resources import __version__
 from scenegen.scenes.data import WorkspaceData
 from scenegen.scenes.files import write_whole
 
@@ -213,6 +212,8 @@ class TrainingSession:
     @property
     def rate(self) -> float:
         """The learning rate of the next step."""
+        if self.model.constant_rate:
+            return self.config.lr
         return self.config.rate(self.epoch * self.steps + self.step, self.config.epochs * self.steps)
 
     def batches(self) -> Iterator[Examples]:
@@ -295,9 +296,9 @@ class TrainingSession:
         space, model = self.spec.workspace, self.model
         ranges = zip(self.spec.labels, model.label_lowest.tolist(), model.label_highest.tolist(), strict=True)
         return ModelCard(
-            scenegen=version("scenegen"),
+            scenegen=__version__,
             model=self.config.model,
-            recipe=self.config.recipe,
+            recipe="default",
             layout=model.layout,
             hyper=model.hyper.model_dump(),
             spec=spec_data(self.spec),
@@ -323,7 +324,7 @@ class TrainingSession:
                 scores=[float(watched[index][-1]) for index in shown],
             ),
             kept_epoch=None if kept is None else kept + 1,
-            corrected=model.branched,
+            corrected=model.corrected,
         )
 
     def _check_finite(self, found: Validation | None = None) -> None:
@@ -337,10 +338,8 @@ class TrainingSession:
 
 def new_model(spec: CheckedSpec, config: TrainConfig, branches: int = 1) -> SceneModel:
     """The model, without weights. Raises RequestError for settings it does not have."""
-    hyper = parse_hyper(config.model, config.hyper, config.recipe)
-    kind = model_class(config.model, config.recipe)
-    plain = Layout(objects=len(spec.core.objects), labels=len(spec.labels))
-    model = kind(layout_of(spec.core, branches) if kind.branched else plain, hyper)
+    hyper = parse_hyper(config.model, config.hyper)
+    model = model_class(config.model)(layout_of(spec.core, branches), hyper)
     model.bind(spec)
     return model
 

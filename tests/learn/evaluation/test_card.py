@@ -43,7 +43,7 @@ def model(tmp_path_factory):
     folder = tmp_path_factory.mktemp("card")
     spec = scenegen.parse(TEXT, "table.spec")
     return scenegen.train(
-        spec, "gan", recipe="paper", out=folder / "m.safetensors", epochs=1, scenes=640, card=False
+        spec, "gan", data="uniform", out=folder / "m.safetensors", epochs=1, scenes=640, card=False
     ), folder / "m.safetensors"
 
 
@@ -121,7 +121,7 @@ def test_a_card_without_truth_says_so(model):
 def test_what_is_said_of_a_model(model):
     trained, path = model
     facts = dict(describe(trained, path))
-    assert facts["objects"] == "`mug` and `plate`" and facts["model"].startswith("gan, recipe paper")
+    assert facts["objects"] == "`mug` and `plate`" and facts["model"].startswith("gan, width")
     errors = trained.trained.card.validation.errors
     assert held_out(trained) == {name: means[-1] for name, means in errors.items()}
     data = as_json(trained, path)
@@ -142,11 +142,11 @@ def test_what_takes_too_long_is_left_out(model, few, monkeypatch):
 
 def test_train_writes_the_card_when_asked(few, tmp_path):
     spec = scenegen.parse("leftOf(mug, plate)")
-    scenegen.train(spec, "gan", recipe="paper", out=tmp_path / "m", epochs=1, scenes=64, card=True)
+    scenegen.train(spec, "gan", data="uniform", out=tmp_path / "m", epochs=1, scenes=64, card=True)
     assert {path.name for path in tmp_path.iterdir()} == {"m", "m.train", "m.md", "m.png"}
     (tmp_path / "n.md").mkdir()
     with pytest.raises(scenegen.OutputError):
-        scenegen.train(spec, "gan", recipe="paper", out=tmp_path / "n", epochs=1, scenes=64, card=True)
+        scenegen.train(spec, "gan", data="uniform", out=tmp_path / "n", epochs=1, scenes=64, card=True)
     assert not (tmp_path / "n").exists()
 
 

@@ -1,4 +1,4 @@
-"""What every entry of RECIPES keeps to. A new model is tested by being in the table. Branches, layouts and the
+"""What every entry of MODELS keeps to. A new model is tested by being in the table. Branches, layouts and the
 spec_loss, against the scalar oracle.
 """
 
@@ -14,7 +14,7 @@ from scenegen.learn.models.base import SceneModel, SpecLoss
 from scenegen.learn.models.card import Layout, layout_of
 from scenegen.learn.models.codec import MOST, OTHER, Codec, Examples, survey
 from scenegen.learn.models.conditioned import PASSES, Selector
-from scenegen.learn.models.registry import RECIPES, model_class, parse_hyper
+from scenegen.learn.models.registry import MODELS, model_class, parse_hyper
 from scenegen.learn.refine import draw
 from scenegen.learn.robustness.deciding import deciding
 from scenegen.resources import shipped_specs
@@ -28,10 +28,9 @@ def seeded(seed):
     return torch.Generator().manual_seed(seed)
 
 
-@pytest.fixture(params=[(recipe, name) for recipe in RECIPES for name in RECIPES[recipe]], ids="-".join)
+@pytest.fixture(params=list(MODELS))
 def make(request, make):
-    recipe, name = request.param
-    return lambda *words: make(name, *words, recipe=recipe)
+    return lambda *words: make(request.param, *words)
 
 
 @pytest.mark.long
@@ -158,10 +157,10 @@ def test_the_table(make):
 def test_unknown_names_and_settings_are_diagnostics():
     with pytest.raises(RequestError, match="did you mean `gan`"):
         model_class("gann")
-    with pytest.raises(RequestError, match="`latent`"):
-        parse_hyper("gan", {"latnt": 3}, "paper")
-    with pytest.raises(RequestError, match="latent"):
-        parse_hyper("aae", {"latent": 0}, "paper")
+    with pytest.raises(RequestError, match="`width`"):
+        parse_hyper("gan", {"widht": 3})
+    with pytest.raises(RequestError, match="width"):
+        parse_hyper("aae", {"width": 0})
 
 
 SPECS = ("mug_left_of_plate", "table_setting", "sort_7", "chess_corner", "recycling")

@@ -11,7 +11,7 @@ from scenegen.learn.models.codec import Codec, Examples, survey
 from scenegen.learn.models.registry import model_class, parse_hyper
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.training.balanced import balanced
-from scenegen.learn.training.paper import uniform
+from scenegen.learn.training.dataset import uniform
 
 pytestmark = pytest.mark.slow
 

@@ -158,7 +158,7 @@ class _RunsOut:
 def test_time_is_up_between_steps(easy, tmp_path, monkeypatch):
     """The model is what training has come to; it goes on to the result of an unbroken run."""
     out, notes = tmp_path / "m.safetensors", []
-    settings = {"recipe": "paper", "scenes": 256, "epochs": 4, "on_note": notes.append}
+    settings = {"data": "uniform", "scenes": 256, "epochs": 4, "on_note": notes.append}
     _RunsOut(monkeypatch, after=3)
     with pytest.raises(RequestError, match=r"in the first epoch(.|\n)*resume"):
         scenegen.train(easy, "gan", out=out, timeout=500.0, batch_size=32, **settings)

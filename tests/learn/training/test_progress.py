@@ -85,7 +85,7 @@ def test_the_bar_moves_within_an_epoch():
     assert "phi off by 0.0200" in plain and "100%" in plain
 
 
-CONFIG = make_config("gan", "paper", epochs=2, scenes=300, batch_size=64)
+CONFIG = make_config("gan", data="uniform", epochs=2, scenes=300, batch_size=64)
 
 
 def scalars(folder):

@@ -25,7 +25,6 @@ from scenegen.learn.models.base import Mlp
 from scenegen.learn.models.checkpoint import TrainedModel, load_model
 from scenegen.learn.models.codec import Examples
 from scenegen.learn.robustness import Robustness
-from scenegen.learn.training import config as settings
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.dataset import uniform
 from scenegen.learn.training.loop import train
@@ -45,14 +44,7 @@ from ..learn.models.test_contract import (  # noqa: F401 - the contract of every
 
 @pytest.fixture(autouse=True)
 def registered():
-    """In the tables for one test: others look at those of the product."""
-    tables = (registry.MODELS, settings.DEFAULTS, settings.DATASETS)
-    before = [dict(table) for table in tables]
     register()
-    yield
-    for table, entries in zip(tables, before, strict=True):
-        table.clear()
-        table.update(entries)
 
 
 @pytest.fixture(params=["paper-gan", "paper-aae"])

@@ -85,7 +85,7 @@ def test_the_bar_moves_within_an_epoch():
     assert "phi off by 0.0200" in plain and "100%" in plain
 
 
-CONFIG = make_config("gan", data="uniform", epochs=2, scenes=300, batch_size=64)
+CONFIG = make_config("gan", data="uniform", epochs=2, scenes=300, batch_size=64, hyper={"width": 16})
 
 
 def scalars(folder):
@@ -107,8 +107,9 @@ def test_every_figure_of_every_epoch(tmp_path, exp1):
     train(exp1, longer, tmp_path / "m", log_dir=folder, resume=True, on_epoch=reports.append)
     found = scalars(folder)
     assert set(found) == {
-        "loss/generator",
-        "loss/discriminator",
+        "loss/critic",
+        "loss/phi",
+        "loss/branch",
         "error/task",
         "error/safe",
         "error",
@@ -119,8 +120,8 @@ def test_every_figure_of_every_epoch(tmp_path, exp1):
     assert all([step for step, _ in values] == [5, 10, 15] for values in found.values())
     wanted = [report.validation.errors["task"] for report in reports]
     assert [value for _, value in found["error/task"]] == pytest.approx(wanted, rel=1e-6)
-    wanted = [report.losses["generator"] for report in reports]
-    assert [value for _, value in found["loss/generator"]] == pytest.approx(wanted, rel=1e-6)
+    wanted = [report.losses["critic"] for report in reports]
+    assert [value for _, value in found["loss/critic"]] == pytest.approx(wanted, rel=1e-6)
 
 
 def test_steps_that_are_done_again_count_once(tmp_path, exp1):

@@ -19,7 +19,7 @@ from scenegen.lang.formula.core import gated
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.codec import Codec
 from scenegen.learn.robustness import Robustness
-from scenegen.learn.training.dataset import Dataset, base_draw, held_in_place, labelled
+from scenegen.learn.training.dataset import Dataset, base_draw, held_in_place, label_scenes
 from scenegen.learn.training.gathering import Gathering
 from scenegen.pose import THETA, along, row_count
 
@@ -47,7 +47,7 @@ def boosted(
     """
     gathering = gathering or Gathering()
     gathering.begin("gathering scenes", scenes)
-    plain = labelled(spec, base_draw(spec, scenes, generator, gathering.reach))
+    plain = label_scenes(spec, base_draw(spec, scenes, generator, gathering.reach))
     good = _satisfied(plain.phi)
     wanted = math.ceil(positives * scenes)
     hits = plain.rows[:, good]
@@ -64,7 +64,7 @@ def boosted(
     others = plain.rows[:, ~good]
     rows = torch.cat([hits, moved, others[:, : scenes - wanted]], dim=1)
     order = torch.randperm(scenes, generator=generator)
-    return labelled(spec, rows[:, order].contiguous())
+    return label_scenes(spec, rows[:, order].contiguous())
 
 
 def _satisfied(phi: Tensor) -> Tensor:

@@ -215,7 +215,7 @@ class Training:
         from scenegen.learn.evaluation.card import card_paths, check_card, write_card
         from scenegen.learn.faults import faults
         from scenegen.learn.train import train
-        from scenegen.learn.training.state import begun
+        from scenegen.learn.training.state import can_resume
         from scenegen.sampling.request import parse_phi
         from scenegen.scenes.files import check_writable
 
@@ -225,7 +225,7 @@ class Training:
         check_writable(out, source)
         if self.card:
             check_card(out, source)
-        going = self.resume and begun(out)
+        going = self.resume and can_resume(out)
         wanted = parse_phi(self.phi, spec.labels)
         if going and self._complete(spec, out) and not (self.card and not card_paths(out)[0].exists()):
             return JobMessages((f"complete already: {out}",))

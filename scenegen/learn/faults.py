@@ -29,7 +29,9 @@ def faults(found: Sequence[QualityData], returned: Sequence[RangeData] = ()) -> 
     poor = [one for one in returned if one.coverage < LEAST_COVERAGE or max(one.phi, one.ks) > MOST_DISTANCE]
     if poor:
         worst = sorted(poor, key=lambda one: one.coverage - max(one.phi, one.ks))[:FAULTS_SHOWN]
-        places = "; ".join(f"cover {one.coverage:.2f}, KS {max(one.phi, one.ks):.2f} at {told(one)}" for one in worst)
+        places = "; ".join(
+            f"cover {one.coverage:.2f}, KS {max(one.phi, one.ks):.2f} at {describe_range(one)}" for one in worst
+        )
         lines.append(POOR_MODEL(unlike=places + _more(poor)))
     left_out = sorted((one for one in found if one.coverage < LEAST_COVERAGE), key=lambda one: one.coverage)
     if left_out:
@@ -42,7 +44,7 @@ def faults(found: Sequence[QualityData], returned: Sequence[RangeData] = ()) -> 
     return lines
 
 
-def concerned(found: Sequence[QualityData], ranges: Ends) -> list[QualityData]:
+def relevant_quality(found: Sequence[QualityData], ranges: Ends) -> list[QualityData]:
     """The figures that say something about a request: of the labels that it names, within its ranges, or the nearest
     where none is."""
     same = [one for one in found if set(one.wanted) == set(ranges)]
@@ -51,7 +53,7 @@ def concerned(found: Sequence[QualityData], ranges: Ends) -> list[QualityData]:
     return inside or sorted(same, key=lambda one: _distance(one, ranges))[:1]
 
 
-def measured(card: ModelCard, regions: Sequence[Array], ranges: Ends) -> bool:
+def covers_request(card: ModelCard, regions: Sequence[Array], ranges: Ends) -> bool:
     """Whether the figures of a card say anything about a request: some were taken within its ranges, or of ranges of
     whose scenes it has a good part. `regions` tell how phi is distributed (TrainedModel)."""
     if any(set(one.wanted) == set(ranges) and _distance(one, ranges) == 0.0 for one in card.quality):
@@ -94,7 +96,7 @@ def _overlap(card: ModelCard, one: RangeData, ranges: Ends) -> float:
     return min(shares, default=0.0)
 
 
-def told(one: RangeData) -> str:
+def describe_range(one: RangeData) -> str:
     """The ranges in words: `task 0:`."""
     return ", ".join(f"{label} {Range(*ends)}" for label, ends in one.wanted.items())
 

@@ -109,13 +109,13 @@ def train(
         return fit(spec, path, resume, logs)
     if path.suffix.lower() == ".safetensors":
         raise RequestError(FOLDER_OF_MODELS(file=spec.declared.name, path=path, folder=path.with_suffix("")))
-    from scenegen.learn.training.state import begun
+    from scenegen.learn.training.state import can_resume
 
     members: dict[str, Model] = {}
     for numbers, member, file in family_files(spec, path):
         try:
             members[member.checked.sha256] = fit(
-                member, file, resume and begun(file), None if logs is None else logs / file.stem
+                member, file, resume and can_resume(file), None if logs is None else logs / file.stem
             )
         except RequestError as error:
             raise RequestError(*(one.but(counted=written(numbers)) for one in error.diagnostics)) from None

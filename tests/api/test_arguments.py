@@ -17,7 +17,7 @@ import torch
 import scenegen
 from scenegen.api.monitor import read_trajectories
 from scenegen.errors import DataError, RequestError
-from scenegen.learn.faults import concerned, faults
+from scenegen.learn.faults import faults, relevant_quality
 from scenegen.learn.model import advice
 from scenegen.learn.models.card import LabelData, QualityData, RangeData
 from scenegen.robosuite import Placement
@@ -41,11 +41,11 @@ def test_what_is_left_out_and_what_misses():
 
 def test_a_request_is_judged_by_the_figures_of_its_labels():
     figures = [at(0.5, task=-0.5), at(task=0.0), at(0.6, task=0.1), at(0.1, safe=0.0), at(0.2, task=0.0, safe=0.0)]
-    assert concerned(figures, {"task": (-0.01, 0.05)}) == [figures[1]]
-    assert concerned(figures, {"task": (0.2, 0.3)}) == [figures[2]]  # the nearest
-    assert concerned(figures, {"task": (-1.0, None)}) == figures[:3]
-    assert concerned(figures, {"task": (-0.1, 0.1), "safe": (-0.1, 0.1)}) == [figures[4]]
-    assert concerned(figures, {}) == figures
+    assert relevant_quality(figures, {"task": (-0.01, 0.05)}) == [figures[1]]
+    assert relevant_quality(figures, {"task": (0.2, 0.3)}) == [figures[2]]  # the nearest
+    assert relevant_quality(figures, {"task": (-1.0, None)}) == figures[:3]
+    assert relevant_quality(figures, {"task": (-0.1, 0.1), "safe": (-0.1, 0.1)}) == [figures[4]]
+    assert relevant_quality(figures, {}) == figures
 
 
 TEXT = """object a = cylinder(0.1, 0.1), b = cylinder(0.1, 0.1)

@@ -102,7 +102,7 @@ def test_published_models_have_to_be_told_all():
     made = Made("paper-gan")
     spec = check_text("object a, b\none: leftOf(a, b)\ntwo: aboveOf(a, b)", "two.spec")
     trained = TrainedModel(made.model, card_for("gan", made.model, spec), spec)
-    assert torch.equal(trained.asked(torch.zeros(2, 5), ["two"]), torch.zeros(2, 5))
+    assert torch.equal(trained.with_free_labels(torch.zeros(2, 5), ["two"]), torch.zeros(2, 5))
     with pytest.raises(DataError, match="told every label"):
         trained.propose(torch.full((2, 5), math.nan), torch.Generator())
 

@@ -49,7 +49,7 @@ class Layout(BaseModel):
         return len(self.positions) + 2 * len(self.angles)
 
     @property
-    def told(self) -> int:
+    def condition_size(self) -> int:
         """Inputs of a network for the labels: two for each, three where a label may be left out."""
         return (3 if self.partial else 2) * self.labels
 
@@ -80,7 +80,7 @@ def depends_on(core: Core) -> list[int]:
 # The card.
 
 
-FORMAT = "scenegen/model"
+MODEL_FORMAT = "scenegen/model"
 
 Name = Annotated[str, Field(min_length=1, max_length=1000)]
 Setting = bool | int | FiniteFloat | str | None

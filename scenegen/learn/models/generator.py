@@ -18,7 +18,7 @@ from scenegen.learn.models.base import Mlp, one_hot
 from scenegen.learn.models.card import Layout
 
 SLOPE = 0.1  # of the LeakyReLU; SiLU took a fifth longer and left twice the error
-INSIDE = 0.999  # keeps atanh finite
+ATANH_BOUND = 0.999  # keeps atanh finite
 FIRST_GATE = 0.5
 
 
@@ -28,7 +28,7 @@ class Generator(nn.Module):
     def __init__(self, layout: Layout, width: int, depth: int) -> None:
         super().__init__()
         self.positions, self.angles = len(layout.positions), len(layout.angles)
-        inputs = layout.noise + layout.told + layout.branches
+        inputs = layout.noise + layout.condition_size + layout.branches
         self.branches = layout.branches
         self.body = Mlp((inputs, *[width] * depth, layout.coordinates + layout.noise), SLOPE)
 
@@ -43,7 +43,7 @@ class Generator(nn.Module):
         shift, gate = self.body(torch.cat([z, features, one_hot(branch, self.branches)], dim=1)).split(
             [positions + 2 * angles, positions + angles], dim=1
         )
-        spread = torch.tanh(torch.atanh(z[:, :positions] * INSIDE) * gate[:, :positions] + shift[:, :positions])
+        spread = torch.tanh(torch.atanh(z[:, :positions] * ATANH_BOUND) * gate[:, :positions] + shift[:, :positions])
         if not angles:
             return spread
         heading, lever = z[:, positions:] * math.pi, gate[:, positions:]

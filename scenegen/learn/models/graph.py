@@ -39,17 +39,17 @@ from scenegen.lang.formula.core import (
 )
 from scenegen.learn.models.frames import MATTERS, Frames
 from scenegen.learn.robustness.compile import TORCH
-from scenegen.learn.robustness.deciding import general, sized
+from scenegen.learn.robustness.deciding import with_sizes, without_sizes
 from scenegen.pose import SIZE, THETA, row_of
 from scenegen.search.effort import NEVER, Stop
 
 # Primitives in the order of a network's inputs: those of weights whose file does not name its own.
-KINDS = "abs add bearing cos dist div gap max mean min mul neg pick reach room sin sub sum wrap"
-NUMBERS = 6  # of an atom that its features show
+PRIMITIVE_NAMES = "abs add bearing cos dist div gap max mean min mul neg pick reach room sin sub sum wrap"
+SHOWN_NUMBERS = 6  # of an atom that its features show
 SLOTS = 7  # places of an object among those of its atom; further ones share one, what carries them has the last
 ROOT, MIN, MAX = range(3)  # kinds of junctions, the first of their features
 
-ATOM_FEATURES = 1 + 1 + NUMBERS + 1  # beside primitives: objects; numbers; whether it is an angle
+ATOM_FEATURES = 1 + 1 + SHOWN_NUMBERS + 1  # beside primitives: objects; numbers; whether it is an angle
 JUNCTION_FEATURES = 3 + 1 + 1  # kind; atoms below; whether it is of what is required
 
 
@@ -74,7 +74,7 @@ class MarginForm:
                     turning.keep(value)
                 values.append(value)
             else:
-                whole = cast(Apply, sized(node, rest))
+                whole = cast(Apply, with_sizes(node, rest))
                 args = [values[arg] for arg in whole.args]
                 values.append(PRIMITIVES[whole.primitive].evaluate(cast(Namespace, turning), *whole.shapes, *args))
         return values[-1].expand(poses.shape[1])
@@ -91,7 +91,7 @@ def _form(core: Core, atom: Atom) -> tuple[MarginForm, list[int], list[float]]:
             numbers.append(node.value)
             nodes.append(Const(0.0))
         else:
-            nodes.append(general(node, objects, numbers))
+            nodes.append(without_sizes(node, objects, numbers))
     return MarginForm(tuple(nodes)), objects, numbers
 
 
@@ -170,9 +170,9 @@ class FormulaGraph:
         forms = {form: _together([alike], device) for form, alike in self.forms.items()}
         return replace(self, **moved, members=tuple(one.to(device) for one in self.members), forms=forms)
 
-    def framed(self, frames: Frames, wanted: Mapping[str, tuple[float, float]]) -> FormulaGraph:
+    def in_frames(self, frames: Frames, wanted: Mapping[str, tuple[float, float]]) -> FormulaGraph:
         """The same graph in the frames for phi in these ranges."""
-        low, high = frames.within(wanted)
+        low, high = frames.bounds_for(wanted)
         lowest, highest = (torch.from_numpy(ends).to(self.low)[:, None] for ends in (low, high))
         features = frames.features(low, high).to(self.low.device)
         return replace(self, object_features=features, low=lowest, high=highest)
@@ -215,9 +215,9 @@ class FormulaGraph:
         """The way back: (N, B, 4) -> (3N, B), theta from -pi to pi."""
         parts, (centre, half) = view.transpose(1, 2), self.frame()
         turned = torch.atan2(parts[:, 3:], parts[:, 2:3])
-        return self._stored(parts[:, :2] * half + centre, turned)
+        return self._to_storage(parts[:, :2] * half + centre, turned)
 
-    def _stored(self, offsets: Tensor, turned: Tensor) -> Tensor:
+    def _to_storage(self, offsets: Tensor, turned: Tensor) -> Tensor:
         """Storage (3N, B) of places (N, 2, B) relative to the carriers', and headings (N, 1, B)."""
         places = offsets
         for _ in range(self.storeys):
@@ -228,7 +228,7 @@ class FormulaGraph:
         """(3N, count) poses, uniform where they may be."""
         random = torch.rand(len(self.low), count, generator=generator, device=self.low.device)
         poses = torch.lerp(self.low, self.high, random).view(self.objects, SIZE, -1)
-        return self._stored(poses[:, :THETA], poses[:, THETA:])
+        return self._to_storage(poses[:, :THETA], poses[:, THETA:])
 
     def margins(self, rows: Tensor) -> tuple[Tensor, Tensor]:
         """Of all atoms in scenes (3N, B): margins (A, B), and their slopes along x, y and theta of each tie's object,
@@ -266,12 +266,12 @@ def refuse_unknown(core: Core, kinds: str) -> None:
         raise RequestError(UNKNOWN_TO_MODEL(names=sorted(strange)))
 
 
-def graph_of(frames: Frames, kinds: str = KINDS, stop: Stop = NEVER) -> FormulaGraph:
+def graph_of(frames: Frames, kinds: str = PRIMITIVE_NAMES, stop: Stop = NEVER) -> FormulaGraph:
     """The graph of a spec, in the frames for what it requires, for networks that know the primitives of `kinds`. Raises
     RequestError for others, and what `stop` raises."""
     core = frames.core
     refuse_unknown(core, kinds)
-    low, high = frames.within({})
+    low, high = frames.bounds_for({})
     form_of: dict[int, tuple[MarginForm, list[int], list[float]]] = {}
     for root in core.labels.values():
         for node in atoms_below(core, root):
@@ -352,9 +352,9 @@ def _atom_features(
     for each in form.nodes:
         if isinstance(each, Apply):
             bag[kinds.index(each.primitive)] += 1.0
-    shown = [max(-3.0, min(3.0, number)) for number in numbers[:NUMBERS]]
+    shown = [max(-3.0, min(3.0, number)) for number in numbers[:SHOWN_NUMBERS]]
     angle = float(cast(Atom, core.nodes[node]).unit == ANGLE)
-    rest = [len(objects) / 3.0, len(numbers) / 4.0, *shown, *[0.0] * (NUMBERS - len(shown)), angle]
+    rest = [len(objects) / 3.0, len(numbers) / 4.0, *shown, *[0.0] * (SHOWN_NUMBERS - len(shown)), angle]
     return torch.cat([torch.tensor(bag).log1p(), torch.tensor(rest)])
 
 

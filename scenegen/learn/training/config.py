@@ -34,12 +34,12 @@ from scenegen.scenes.formats.registry import FORMATS
 from scenegen.validation import Option, as_path
 
 # Exact scenes, balanced in phi; the rate warms up, then falls along a cosine.
-OURS: Mapping[str, object] = {"epochs": 16, "batch_size": 512, "lr": 1e-3, "scenes": 200_000, "data": "balanced"}
-FLOW: Mapping[str, object] = {**OURS, "epochs": 36, "scenes": 100_000}
+BASE: Mapping[str, object] = {"epochs": 16, "batch_size": 512, "lr": 1e-3, "scenes": 200_000, "data": "balanced"}
+FLOW: Mapping[str, object] = {**BASE, "epochs": 36, "scenes": 100_000}
 # What has learnt from many specs needs little of one.
-TUNING: Mapping[str, object] = {**OURS, "epochs": 1, "batch_size": 128, "lr": 5e-4, "scenes": 6_000}
+TUNING: Mapping[str, object] = {**BASE, "epochs": 1, "batch_size": 128, "lr": 5e-4, "scenes": 6_000}
 # Games want many steps more than large batches.
-GAMES: Mapping[str, object] = {**OURS, "batch_size": 256, "epochs": 8}
+GAMES: Mapping[str, object] = {**BASE, "batch_size": 256, "epochs": 8}
 
 DEFAULTS: dict[str, Mapping[str, object]] = {
     "gan": GAMES,
@@ -49,9 +49,9 @@ DEFAULTS: dict[str, Mapping[str, object]] = {
 }
 
 GATHERING = "gathering exact scenes"
-"""What a run says that it does for SECONDS of CPU time at most. It cannot tell how long it will take: it draws scenes
-that are ever rarer, and only a batch that has begun has an estimate."""
-SECONDS = 110.0
+"""What a run says that it does for GATHER_SECONDS of CPU time at most. It cannot tell how long it will take: it draws
+scenes that are ever rarer, and only a batch that has begun has an estimate."""
+GATHER_SECONDS = 110.0
 
 
 # The table of data sets. A new one is one file and one line here.
@@ -61,7 +61,7 @@ SECONDS = 110.0
 # (spec, scenes, generator, gathering=None) -> Dataset. The generator (a CPU one) alone determines the outcome; it
 # reports its progress to the gathering, which may end it with RequestError.
 DATASETS: dict[str, str] = {
-    "balanced": "scenegen.learn.training.balanced:balanced",
+    "balanced": "scenegen.learn.training.balanced:draw_balanced",
     "uniform": "scenegen.learn.training.dataset:uniform",
 }
 
@@ -94,8 +94,8 @@ BOUNDS: dict[str, tuple[float, float]] = {
 }
 UNSET = ("scenes", "patience")  # options that may be None
 
-WARM = 200  # steps
-LEAST = 0.01  # of the rate, at the end
+WARM_STEPS = 200  # steps
+FINAL_RATE_SHARE = 0.01  # of the rate, at the end
 
 
 def parse_settings(options: Sequence[str]) -> dict[str, float]:
@@ -186,8 +186,12 @@ class TrainConfig:
 
     def rate(self, step: int, steps: int) -> float:
         """The learning rate of step 0, 1, .. of all the steps that are planned."""
-        warm = min(1.0, (step + 1) / WARM)
-        return self.lr * warm * (LEAST + (1.0 - LEAST) * 0.5 * (1.0 + math.cos(math.pi * min(1.0, step / steps))))
+        warm = min(1.0, (step + 1) / WARM_STEPS)
+        return (
+            self.lr
+            * warm
+            * (FINAL_RATE_SHARE + (1.0 - FINAL_RATE_SHARE) * 0.5 * (1.0 + math.cos(math.pi * min(1.0, step / steps))))
+        )
 
     def differences(self, other: TrainConfig) -> list[tuple[str, object, object]]:
         """(name, own value, the other's value) of everything but the epochs that differs."""

@@ -26,7 +26,7 @@ class Exact:
 
     def __init__(self, real, off):
         self.card, self.label_ranges, self.off, self.correction = real.card, real.label_ranges, off, None
-        self.asked = real.asked
+        self.with_free_labels = real.asked
 
     def propose(self, phi, generator):
         import torch
@@ -49,8 +49,8 @@ def model(tmp_path_factory):
 
 @pytest.fixture
 def few(monkeypatch):
-    monkeypatch.setattr(measuring, "SCENES", 100)
-    monkeypatch.setattr(measuring, "CURVE", 120)
+    monkeypatch.setattr(measuring, "HALF_SCENES", 100)
+    monkeypatch.setattr(measuring, "CURVE_SCENES", 120)
     monkeypatch.setattr(measuring, "PATIENCE", float("inf"))  # however slow the machine
     monkeypatch.setattr(measuring, "ALL", float("inf"))
 

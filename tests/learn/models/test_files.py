@@ -20,10 +20,10 @@ from scenegen.errors import DataError, OutputError
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.checker import check_text
 from scenegen.learn.model import Model
-from scenegen.learn.models.card import FORMAT
-from scenegen.learn.models.checkpoint import KEY, TrainedModel, load_model, pack, save_model
-from scenegen.learn.models.codec import EVERY, NONE, Codec, Examples, within
-from scenegen.learn.models.conditioned import given as given_labels
+from scenegen.learn.models.card import MODEL_FORMAT
+from scenegen.learn.models.checkpoint import METADATA_KEY, TrainedModel, load_model, pack, save_model
+from scenegen.learn.models.codec import EVERY, NONE, Codec, Examples, float_bounds
+from scenegen.learn.models.conditioned import visible_labels as given_labels
 from scenegen.pose import TWO_PI
 
 from .conftest import card_for
@@ -32,12 +32,12 @@ from .conftest import card_for
 def rewritten(path, model, changes):
     """A well-formed file (checksum and all) whose card differs from the good one."""
     card = json.loads(envelope(path)["card"]) | changes
-    path.write_bytes(pack(FORMAT, json.dumps(card), model.sampler_state()))
+    path.write_bytes(pack(MODEL_FORMAT, json.dumps(card), model.sampler_state()))
 
 
 def envelope(path):
     with safetensors.safe_open(path, "pt") as file:
-        return json.loads(file.metadata()[KEY])
+        return json.loads(file.metadata()[METADATA_KEY])
 
 
 def same(path, model):
@@ -98,7 +98,13 @@ def test_missing_folder_empty_and_garbage(tmp_path):
 
 def test_a_foreign_safetensors_file(tmp_path):
     path = tmp_path / "llm.safetensors"
-    for metadata in (None, {"format": "pt"}, {KEY: "not json"}, {KEY: "[]"}, {KEY: '{"format": "else", "version": 1}'}):
+    for metadata in (
+        None,
+        {"format": "pt"},
+        {METADATA_KEY: "not json"},
+        {METADATA_KEY: "[]"},
+        {METADATA_KEY: '{"format": "else", "version": 1}'},
+    ):
         path.write_bytes(safetensors.torch.save({"w": torch.zeros(3)}, metadata))
         with pytest.raises(DataError, match=r"llm\.safetensors"):
             load_model(path)
@@ -107,7 +113,7 @@ def test_a_foreign_safetensors_file(tmp_path):
 def test_another_format_version_says_so(model_file):
     path, model = model_file
     later = json.dumps(envelope(path) | {"version": 2, "news": True})
-    path.write_bytes(safetensors.torch.save(model.sampler_state(), {KEY: later}))
+    path.write_bytes(safetensors.torch.save(model.sampler_state(), {METADATA_KEY: later}))
     with pytest.raises(DataError, match="version 2"):
         load_model(path)
 
@@ -153,7 +159,7 @@ def test_weights_that_do_not_fit(kind, model_file):
     else:
         bad = {"shape": state[name][:-1], "dtype": state[name].double(), "nan": torch.full_like(state[name], torch.nan)}
         state[name] = bad[kind]
-    path.write_bytes(pack(FORMAT, envelope(path)["card"], state))
+    path.write_bytes(pack(MODEL_FORMAT, envelope(path)["card"], state))
     with pytest.raises(DataError, match="stranger" if kind == "extra" else name):
         load_model(path)
 
@@ -280,7 +286,7 @@ def test_the_argument_is_left_alone(scenes):
 
 
 def test_rounding_goes_inwards():
-    low, high = within(0.7, 0.1 + 0.7, torch.float32)
+    low, high = float_bounds(0.7, 0.1 + 0.7, torch.float32)
     assert 0.7 <= low < 0.7 + 1e-6 and 0.8 - 1e-6 < high <= 0.1 + 0.7
 
 
@@ -312,7 +318,7 @@ def test_every_default_model_is_asked_for_some(name, make):
     made = make(name, 2, 3)
     spec = check_text("object a, b\none: leftOf(a, b)\ntwo: aboveOf(a, b)\nthree: closeTo(a, b)", "three.spec")
     trained = TrainedModel(made.model, card_for(name, made.model, spec), spec)
-    phi = trained.asked(torch.zeros(3, 5), ["two"])
+    phi = trained.with_free_labels(torch.zeros(3, 5), ["two"])
     assert bool(torch.isnan(phi[[0, 2]]).all()) and bool((phi[1] == 0.0).all())
     assert trained.propose(phi, torch.Generator().manual_seed(0)).shape == (6, 5)
-    assert torch.equal(trained.asked(torch.zeros(3, 5), []), torch.zeros(3, 5))
+    assert torch.equal(trained.with_free_labels(torch.zeros(3, 5), []), torch.zeros(3, 5))

@@ -13,7 +13,7 @@ from scenegen.errors import RequestError
 from scenegen.learn.models.base import Mlp
 from scenegen.learn.models.card import Layout
 from scenegen.learn.models.flow import Flow, FlowMap, departure
-from scenegen.learn.models.games import AAE, START, AAEHyper, Critic, Encoder, contest, directions
+from scenegen.learn.models.games import AAE, FIRST_WEIGHT_SHARE, AAEHyper, Critic, Encoder, contest, directions
 from scenegen.learn.models.registry import parse_hyper
 
 LAYOUT = Layout(objects=2, labels=1, positions=(0, 1, 3), angles=(2, 5), branches=3)
@@ -85,7 +85,7 @@ def pushes(make, done, **hyper):
     return model.generator.body.linear()[-1].bias.grad.clone()
 
 
-@pytest.mark.parametrize(("done", "share"), [(0, START), (49, 0.5), (99, 1.0), (5_000, 1.0)])
+@pytest.mark.parametrize(("done", "share"), [(0, FIRST_WEIGHT_SHARE), (49, 0.5), (99, 1.0), (5_000, 1.0)])
 def test_the_error_of_phi_comes_in_after_a_start(make, done, share):
     without = pushes(make, done, ramp=100, consistency=0.0)
     whole = pushes(make, 0, ramp=1, consistency=2.0) - without

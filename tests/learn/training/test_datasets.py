@@ -22,7 +22,7 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.training import balanced as balanced_reach
 from scenegen.learn.training import feed
-from scenegen.learn.training.balanced import balanced
+from scenegen.learn.training.balanced import draw_balanced
 from scenegen.learn.training.config import DATASETS, dataset_maker
 from scenegen.learn.training.dataset import held_count, held_places, split, uniform
 from scenegen.learn.training.feed import whole_file
@@ -83,7 +83,7 @@ def test_unknown_data_set():
 @pytest.mark.long
 def test_balanced_scenes_are_exact_and_flat(exp1):
     """Jointly over the cells that are in reach: no part of the range has much more or less than its share."""
-    data = balanced(exp1, 8000, seeded(1))
+    data = draw_balanced(exp1, 8000, seeded(1))
     assert len(data) == 8000 and torch.unique(data.rows, dim=1).shape[1] == 8000
     np.testing.assert_allclose(data.phi.numpy(), numpy_phi(data.rows), atol=1e-6)
     joint, plain = (
@@ -99,7 +99,7 @@ def test_balanced_scenes_are_exact_and_flat(exp1):
 
 def test_balanced_data_has_the_part_that_is_nearly_solved():
     spec = narrow(0.02)  # phi from -0.98 to 0.02
-    data = balanced(spec, 4000, seeded())
+    data = draw_balanced(spec, 4000, seeded())
     near = float((data.phi.abs() <= 0.02).float().mean())
     assert near == pytest.approx(0.5 + 0.5 * 0.04, abs=0.02)
     far = data.phi[data.phi < -0.02]
@@ -110,7 +110,7 @@ def test_balanced_data_has_the_part_that_is_nearly_solved():
 @pytest.mark.long
 def test_balanced_data_keeps_what_is_required():
     spec = check_text("object mug, plate\nrequire noOverlap()\ntask: closeTo(mug, plate, 0.2)", "apart.spec")
-    data = balanced(spec, 500, seeded())
+    data = draw_balanced(spec, 500, seeded())
     core = gated(spec.core)
     assert (Robustness(core).rows(data.rows.double())[-1] >= -1e-6).all()
 
@@ -118,7 +118,7 @@ def test_balanced_data_keeps_what_is_required():
 def test_a_label_that_cannot_vary_is_told():
     spec = check_text("task: 0 * x(mug) <= 1 & x(mug) <= 2 + 0 * x(mug)", "still.spec")
     with pytest.raises(RequestError, match="phi of `task` is 1 in every scene"):
-        balanced(spec, 100, seeded())
+        draw_balanced(spec, 100, seeded())
 
 
 def test_held_objects_and_requirements():
@@ -189,7 +189,7 @@ def test_too_few_and_too_many(scenes, tmp_path, monkeypatch):
     path = scenes.save(tmp_path / "s.json")
     with pytest.raises(DataError, match="holds 40 scenes, fewer than the 41 of `scenes`"):
         whole_file(spec, path, 41)
-    monkeypatch.setattr(feed, "WHOLE", 7 * 39)
+    monkeypatch.setattr(feed, "MEMORY_NUMBERS", 7 * 39)
     with pytest.raises(RequestError, match="more scenes than fit into memory"):
         whole_file(spec, path, None)
     assert len(whole_file(spec, path, 39)) == 39

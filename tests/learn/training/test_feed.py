@@ -17,7 +17,7 @@ from scenegen.learn.training import feed
 from scenegen.learn.training import feed as feeds
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.dataset import uniform
-from scenegen.learn.training.feed import MemoryFeed, Windows, make_feed, ranked, sorted_into
+from scenegen.learn.training.feed import MemoryFeed, Windows, make_feed, rank_branches, sorted_into
 from scenegen.learn.training.loop import Interrupted, train
 from scenegen.learn.training.state import state_path
 from scenegen.scenes.data import RequestData
@@ -40,8 +40,8 @@ def file(tmp_path, exp1, monkeypatch):
 @pytest.fixture
 def small(monkeypatch):
     """Nothing fits into memory; a window holds four batches of 32."""
-    monkeypatch.setattr(feed, "WHOLE", 0)
-    monkeypatch.setattr(feeds, "WINDOW", 8 * 32 * 4 + 5)
+    monkeypatch.setattr(feed, "MEMORY_NUMBERS", 0)
+    monkeypatch.setattr(feeds, "WINDOW_NUMBERS", 8 * 32 * 4 + 5)
 
 
 def config(file, **options):
@@ -62,7 +62,7 @@ def ordered(rows):
 
 def test_windows_hold_the_scenes_that_memory_would(file, exp1, small, monkeypatch):
     streamed = make_feed(exp1, config(file))
-    monkeypatch.setattr(feed, "WHOLE", 10**9)
+    monkeypatch.setattr(feed, "MEMORY_NUMBERS", 10**9)
     whole = make_feed(exp1, config(file))
     assert isinstance(streamed, Windows) and isinstance(whole, MemoryFeed)
     assert (streamed.scenes, streamed.steps) == (whole.scenes, whole.steps) == (855, 27)
@@ -98,10 +98,10 @@ def test_branches_are_those_of_a_survey(file, exp1, small, monkeypatch):
     rows = uniform(exp1, 500, torch.Generator().manual_seed(3)).rows
     branch, names = survey(exp1, rows)
     ways = {tuple(way): int((branch == index).sum()) for index, way in enumerate(names.tolist())}
-    assert torch.equal(ranked(ways), names)
+    assert torch.equal(rank_branches(ways), names)
     assert torch.equal(sorted_into(exp1, rows, names), branch)
-    monkeypatch.setattr(feeds, "MOST", 1)
-    assert ranked(ways).tolist() == [[-1, -1]]
+    monkeypatch.setattr(feeds, "MAX_BRANCHES", 1)
+    assert rank_branches(ways).tolist() == [[-1, -1]]
     assert torch.equal(sorted_into(exp1, rows, names[:1]), torch.zeros(500, dtype=torch.int64))
     monkeypatch.undo()
 

@@ -216,16 +216,16 @@ def test_reports_and_card_tell_the_same(tmp_path, exp1):
 
 
 def test_files_without_the_new_fields_still_load(tmp_path, exp1):
-    from scenegen.learn.models.card import FORMAT, ModelCard
+    from scenegen.learn.models.card import MODEL_FORMAT, ModelCard
     from scenegen.learn.models.checkpoint import pack, unpack
 
     train(exp1, dataclasses.replace(CONFIG, epochs=1), tmp_path / "m")
-    text, tensors = unpack(tmp_path / "m", FORMAT, "a model file")
+    text, tensors = unpack(tmp_path / "m", MODEL_FORMAT, "a model file")
     card = ModelCard.model_validate_json(text)
     old = card.model_dump(exclude={"data", "validation", "kept_epoch"}, mode="json")
     import json
 
-    (tmp_path / "old").write_bytes(pack(FORMAT, json.dumps(old), tensors))
+    (tmp_path / "old").write_bytes(pack(MODEL_FORMAT, json.dumps(old), tensors))
     assert load_model(tmp_path / "old").card.validation is None
 
 
@@ -298,7 +298,7 @@ def test_a_step_and_a_sample(model):
     losses = session.model.update(batch, None)
     assert losses and all(value.device == device for value in losses.values())
     if model == "any":  # its frames depend on the values of phi, and tensors of this device have none
-        session.model._framed = lambda phi: session.model._graph(phi.device)
+        session.model._graph_in_frames = lambda phi: session.model._graph(phi.device)
     for phi in (batch.phi[:10], batch.phi[0]):
         x = session.model.sample(10, phi, None)
         assert x.shape == (10, 9) and x.device == device

@@ -18,7 +18,7 @@ from scenegen.learn.training import session
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.loop import Interrupted, train
 from scenegen.learn.training.session import Validation
-from scenegen.learn.training.state import FORMAT, state_path
+from scenegen.learn.training.state import STATE_FORMAT, state_path
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 
@@ -314,14 +314,14 @@ def test_a_state_with_other_best_weights_is_refused(scripted, tmp_path, exp1):
     scripted(ERRORS)
     out = tmp_path / "m"
     train(exp1, CONFIG_PATIENCE, out)
-    text, tensors = unpack(state_path(out), FORMAT, "a training state")
+    text, tensors = unpack(state_path(out), STATE_FORMAT, "a training state")
     name = next(name for name in tensors if name.startswith("best.generator"))
     for bad in ({**tensors, name: torch.zeros(3)}, {key: value for key, value in tensors.items() if key != name}):
-        state_path(out).write_bytes(pack(FORMAT, text, bad))
+        state_path(out).write_bytes(pack(STATE_FORMAT, text, bad))
         with pytest.raises(DataError, match="does not fit"):
             train(exp1, CONFIG_PATIENCE, out, resume=True)
     none = {key: value for key, value in tensors.items() if not key.startswith("best.")}
-    state_path(out).write_bytes(pack(FORMAT, text, none))
+    state_path(out).write_bytes(pack(STATE_FORMAT, text, none))
     with pytest.raises(DataError, match="is not a training state that can be used"):
         train(exp1, CONFIG_PATIENCE, out, resume=True)
 

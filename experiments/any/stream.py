@@ -10,13 +10,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from experiments.any.union import union
 from experiments.unseen.patience import CpuBudget
 from scenegen.api.spec import parse
 from scenegen.errors import ScenegenError
 from scenegen.geometry import PRIMITIVES
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.frames import frames_of
-from scenegen.learn.models.graph import FormulaGraph, graph_of, union
+from scenegen.learn.models.graph import FormulaGraph, graph_of
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.robustness.deciding import deciding_atoms
 from scenegen.learn.training.balanced import middle

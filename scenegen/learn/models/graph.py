@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import accumulate
 from typing import cast
 
 import torch
@@ -96,7 +95,7 @@ def _form(core: Core, atom: Atom) -> tuple[MarginForm, list[int], list[float]]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Alike:
+class AlikeAtoms:
     """n atoms of one form: which they are (n,), the rows that they read (n, 3K), their numbers (n, P) and their ties
     (n, K)."""
 
@@ -106,9 +105,9 @@ class _Alike:
     ties: Tensor
 
 
-def _together(parts: Sequence[_Alike], device: torch.device | None = None) -> _Alike:
-    columns = ([getattr(part, each.name) for part in parts] for each in fields(_Alike))
-    return _Alike(*(torch.cat(column).to(device) if device else torch.cat(column) for column in columns))
+def join_alike(parts: Sequence[AlikeAtoms], device: torch.device | None = None) -> AlikeAtoms:
+    columns = ([getattr(part, each.name) for part in parts] for each in fields(AlikeAtoms))
+    return AlikeAtoms(*(torch.cat(column).to(device) if device else torch.cat(column) for column in columns))
 
 
 # The graph.
@@ -146,7 +145,7 @@ class FormulaGraph:
     ranks: tuple[int | None, ...]
     specs: int
     storeys: int
-    forms: dict[MarginForm, _Alike]
+    forms: dict[MarginForm, AlikeAtoms]
 
     @property
     def objects(self) -> int:
@@ -167,7 +166,7 @@ class FormulaGraph:
     def to(self, device: torch.device) -> FormulaGraph:
         """The same graph with its tensors there."""
         moved = {name: getattr(self, name).to(device) for name in TENSORS}
-        forms = {form: _together([alike], device) for form, alike in self.forms.items()}
+        forms = {form: join_alike([alike], device) for form, alike in self.forms.items()}
         return replace(self, **moved, members=tuple(one.to(device) for one in self.members), forms=forms)
 
     def in_frames(self, frames: Frames, wanted: Mapping[str, tuple[float, float]]) -> FormulaGraph:
@@ -281,7 +280,7 @@ def graph_of(frames: Frames, kinds: str = PRIMITIVE_NAMES, stop: Stop = NEVER) -
     place = {node: number for number, node in enumerate(atoms)}
     ties: list[tuple[int, int, int]] = []
     carried: list[tuple[int, int]] = []
-    alike: dict[MarginForm, list[_Alike]] = {}
+    alike: dict[MarginForm, list[AlikeAtoms]] = {}
     for number, node in enumerate(atoms):
         stop.check()
         form, objects, numbers = form_of[node]
@@ -296,7 +295,7 @@ def graph_of(frames: Frames, kinds: str = PRIMITIVE_NAMES, stop: Stop = NEVER) -
                 carried.append((tie_of[thing], tie_of[under]))
         reads = torch.tensor([row_of(one, axis) for one in objects for axis in range(SIZE)])
         sizes = torch.tensor(numbers, dtype=torch.float32)
-        one = _Alike(torch.tensor([number]), reads[None], sizes[None], mine[None])
+        one = AlikeAtoms(torch.tensor([number]), reads[None], sizes[None], mine[None])
         alike.setdefault(form, []).append(one)
     junctions, label_of, below, roots = list[list[float]](), list[int](), list[tuple[int, int]](), []
     for label, (name, root) in enumerate(core.labels.items()):
@@ -329,7 +328,7 @@ def graph_of(frames: Frames, kinds: str = PRIMITIVE_NAMES, stop: Stop = NEVER) -
         ranks=tuple(None if name == REQUIRE else k for k, name in enumerate(core.labels)),
         specs=1,
         storeys=max(len(frames.carriers(one)) for one in range(count)),
-        forms={form: _together(found) for form, found in alike.items()},
+        forms={form: join_alike(found) for form, found in alike.items()},
     )
 
 
@@ -356,49 +355,3 @@ def _atom_features(
     angle = float(cast(Atom, core.nodes[node]).unit == ANGLE)
     rest = [len(objects) / 3.0, len(numbers) / 4.0, *shown, *[0.0] * (SHOWN_NUMBERS - len(shown)), angle]
     return torch.cat([torch.tensor(bag).log1p(), torch.tensor(rest)])
-
-
-def union(graphs: Sequence[FormulaGraph]) -> FormulaGraph:
-    """The disjoint union: all that the graphs hold, one after another. `ranks` stay those in each spec."""
-
-    def firsts(sizes: Sequence[int]) -> list[int]:
-        return [0, *accumulate(sizes)][:-1]
-
-    objects, atoms = firsts([one.objects for one in graphs]), firsts([one.atoms for one in graphs])
-    junctions, labels = firsts([one.junctions for one in graphs]), firsts([one.labels for one in graphs])
-    ties = firsts([len(one.ties) for one in graphs])
-    forms: dict[MarginForm, list[_Alike]] = {}
-    for one, atom, thing, tie in zip(graphs, atoms, objects, ties, strict=True):
-        for form, alike in one.forms.items():
-            moved = _Alike(alike.atoms + atom, alike.reads + SIZE * thing, alike.numbers, alike.ties + tie)
-            forms.setdefault(form, []).append(moved)
-
-    def moved_by(name: str, *shifts: list[int]) -> Tensor:
-        """A table of indices, each column shifted by where its graph begins."""
-        parts = [getattr(one, name) for one in graphs]
-        columns = torch.tensor(list(zip(*shifts, strict=True)))
-        return torch.cat(
-            [part + (shift if part.ndim == 2 else shift[0]) for part, shift in zip(parts, columns, strict=True)]
-        )
-
-    things = torch.cat([one.carrier for one in graphs])
-    begins = torch.tensor(objects).repeat_interleave(torch.tensor([one.objects for one in graphs]))
-    shifted = {
-        "ties": moved_by("ties", atoms, objects, [0] * len(graphs)),
-        "below": moved_by("below", atoms, junctions),
-        "roots": moved_by("roots", atoms, labels),
-        "label_of": moved_by("label_of", labels),
-        "carrier": torch.where(things >= 0, things + begins, things),
-        "carried": moved_by("carried", ties, ties),
-        "spec": moved_by("spec", list(range(len(graphs)))),
-    }
-    others = [name for name in TENSORS if name not in shifted]
-    return FormulaGraph(
-        **shifted,
-        **{name: torch.cat([getattr(one, name) for one in graphs]) for name in others},
-        members=tuple(mine + atom for one, atom in zip(graphs, atoms, strict=True) for mine in one.members),
-        ranks=tuple(rank for one in graphs for rank in one.ranks),
-        specs=len(graphs),
-        storeys=max(one.storeys for one in graphs),
-        forms={form: _together(found) for form, found in forms.items()},
-    )

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 import torch
 
+from experiments.any.union import union
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import gated
 from scenegen.learn.any import exact_scenes
 from scenegen.learn.models.frames import frames_of
-from scenegen.learn.models.graph import ROOT, graph_of, union
+from scenegen.learn.models.graph import ROOT, graph_of
 from scenegen.learn.models.graph_flow import GraphHyper, Networks
 from scenegen.learn.refine import draw
 from scenegen.learn.robustness import Robustness

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from experiments.any.union import union
 from experiments.unseen.patience import CpuBudget
+from experiments.unseen.queries import middle
 from scenegen.api.spec import parse
 from scenegen.errors import ScenegenError
 from scenegen.geometry import PRIMITIVES
@@ -20,7 +21,6 @@ from scenegen.learn.models.frames import frames_of
 from scenegen.learn.models.graph import FormulaGraph, graph_of
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.robustness.deciding import deciding_atoms
-from scenegen.learn.training.balanced import middle
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest

@@ -78,7 +78,7 @@ class AnyModel(Model):
         phi = (
             phi if phi.shape[1] == COMPARED_SCENES else phi[:, :0]
         )  # how many a machine finds in time changes no scene
-        ends = np.array([_ends(ranges.get(label)) for label in self.spec.labels])
+        ends = np.array([ranges.get(label, Range()).ends for label in self.spec.labels])
         regions = (np.concatenate([ends, phi], axis=1),) if phi.shape[1] else ()
         return replace(self.trained, only=tuple(ranges), regions=regions)
 
@@ -88,7 +88,7 @@ class AnyModel(Model):
         for it."""
         found = []
         if request.raw:
-            found += targets_beyond_training(self, {label: _ends(one) for label, one in request.phi.items()})
+            found += targets_beyond_training(self, {label: one.ends for label, one in request.phi.items()})
             found += [] if rows is None else unmet_requirements(self, rows)
         asked = SampleRequest(
             request.phi, COMPARED_SCENES, EXACT_SEED, spread=request.spread, fix=request.fix, workers=1
@@ -141,11 +141,6 @@ def make_plan(problem: Problem, budget: Budget) -> Plan:
     """The plan of a problem by the model of its spec. Raises RequestError."""
     proposer = AnyModel(Spec(problem.spec), budget).proposer_of(problem.spec, problem.request.phi)
     return guided.make_plan(problem, budget, proposer)
-
-
-def _ends(wanted: Range | None) -> tuple[float, float]:
-    low, high = (None, None) if wanted is None else (wanted.low, wanted.high)
-    return -math.inf if low is None else low, math.inf if high is None else high
 
 
 def left_out(spec: CheckedSpec, exact: Array, made: Array) -> str:

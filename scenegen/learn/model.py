@@ -219,8 +219,8 @@ def advice(model: Model, ranges: Mapping[str, Range], rows: Array | None, raw: b
     scenes = [None] * len(model.each) if rows is None or not raw else _scenes_of(model, rows)
     for (numbers, one), made in zip(model.each, scenes, strict=True):
         card = one.trained.card
-        mine = faults(relevant_quality(card.quality, ends), () if raw else overlapping(card, ends))
-        if ends and card.ranges is not None and not covers_request(card, one.trained.regions, ends):
+        mine = faults(relevant_quality(card.quality, ranges), () if raw else overlapping(card, ranges))
+        if ranges and card.ranges is not None and not covers_request(card, one.trained.regions, ranges):
             where = [f"{label}={wanted}" for label, wanted in ranges.items()]
             mine.append(NOT_MEASURED(where=" ".join(where), one=where[0] if len(where) == 1 else None))
         if not one.trained.regions and not all(wanted.bounded for wanted in ranges.values()):

@@ -41,10 +41,10 @@ def test_what_is_left_out_and_what_misses():
 
 def test_a_request_is_judged_by_the_figures_of_its_labels():
     figures = [at(0.5, task=-0.5), at(task=0.0), at(0.6, task=0.1), at(0.1, safe=0.0), at(0.2, task=0.0, safe=0.0)]
-    assert relevant_quality(figures, {"task": (-0.01, 0.05)}) == [figures[1]]
-    assert relevant_quality(figures, {"task": (0.2, 0.3)}) == [figures[2]]  # the nearest
-    assert relevant_quality(figures, {"task": (-1.0, None)}) == figures[:3]
-    assert relevant_quality(figures, {"task": (-0.1, 0.1), "safe": (-0.1, 0.1)}) == [figures[4]]
+    assert relevant_quality(figures, {"task": Range(-0.01, 0.05)}) == [figures[1]]
+    assert relevant_quality(figures, {"task": Range(0.2, 0.3)}) == [figures[2]]  # the nearest
+    assert relevant_quality(figures, {"task": Range(-1.0, None)}) == figures[:3]
+    assert relevant_quality(figures, {"task": Range(-0.1, 0.1), "safe": Range(-0.1, 0.1)}) == [figures[4]]
     assert relevant_quality(figures, {}) == figures
 
 

@@ -35,9 +35,6 @@ from scenegen.sampling.rarity import Rarity, measure
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
 from scenegen.search.effort import NEVER, Stop, StoppedError
 
-Ends = tuple[float, float]
-Ranges = dict[str, Range]
-
 ASKED = 0.6  # of the scenes lie where `phi` says
 WHOLE, BELOW = 0.5, 0.25  # of a label's scenes: evenly over all of phi, and just below 0; the others satisfy it
 TAIL, BEYOND = 0.4, 0.2  # of the scenes of a range: the share that lies where only that share of them occurs
@@ -66,7 +63,7 @@ def draw_balanced(
     scenes: int,
     generator: torch.Generator,
     gathering: Gathering | None = None,
-    phi: Ranges | None = None,
+    phi: dict[str, Range] | None = None,
 ) -> Dataset:
     """`scenes` exact scenes, spread over phi of each label by itself, and as far as possible of all labels together
     (the first twelve, where there are more); with `phi`, most of them in these ranges.
@@ -137,7 +134,7 @@ class _Draws:
     seed: int
     gathering: Gathering
     planned: int
-    regions: list[tuple[Ranges, Tensor]] = field(default_factory=list)
+    regions: list[tuple[dict[str, Range], Tensor]] = field(default_factory=list)
     done: int = 0
     part: int = 0
     drawn: int = 0
@@ -151,7 +148,7 @@ class _Draws:
         later = self.planned / max(1, self.planned + count)
         self.kept = later * self.seconds, later * self.gathering.seconds_left
 
-    def draw_spread(self, label: str, ends: Ends, count: int) -> list[Tensor]:
+    def draw_spread(self, label: str, ends: tuple[float, float], count: int) -> list[Tensor]:
         """About `count` scenes of one label, spread as the module's text says."""
         low, high = ends
         if not low < 0.0 < high or high >= WIDE_SHARE * (high - low):
@@ -167,7 +164,7 @@ class _Draws:
         near = self.draw_batch({label: Range(max(low, -width), 0.0)}, below)
         return [whole, solved, near]
 
-    def draw_tempered(self, ranges: Ranges, count: int) -> Tensor:
+    def draw_tempered(self, ranges: dict[str, Range], count: int) -> Tensor:
         """Scenes of a range as they occur, and, of one label, once more on the side where few of them lie far apart."""
         tail = round(TAIL * count) if len(ranges) == 1 else 0
         found = self.draw_batch(ranges, count - tail, 1.0 - TAIL if tail else 1.0)
@@ -182,7 +179,7 @@ class _Draws:
             return found
         return torch.cat([found, self.draw_batch({label: side}, tail)], dim=1)
 
-    def draw_evenly(self, label: str, ends: Ends, count: int) -> Tensor:
+    def draw_evenly(self, label: str, ends: tuple[float, float], count: int) -> Tensor:
         """`count` scenes with phi as evenly over a range as batches of all scenes and of those beyond a value give."""
         low, high = ends
         found = [self.draw_batch({}, count, FIRST_BATCH_SHARE)]
@@ -211,7 +208,7 @@ class _Draws:
         """phi (m,) of scenes (3N, m)."""
         return label_scenes(self.spec, rows).phi[self.spec.labels.index(label)]
 
-    def draw_batch(self, ranges: Ranges, count: int, share: float = 1.0) -> Tensor:
+    def draw_batch(self, ranges: dict[str, Range], count: int, share: float = 1.0) -> Tensor:
         """`count` scenes of these ranges as they occur, (3N, m) float32; fewer, which is said, where they take more
         than a share of the time that is left for this part."""
         gathering, self.number = self.gathering, self.number + 1
@@ -242,7 +239,7 @@ class _Draws:
         """So many more of a batch are there."""
         self.gathering.reach(self.done + min(self.part, self.drawn + more))
 
-    def _fill(self, made: SceneBatch, ranges: Ranges, count: int, seed: int, share: float) -> None:
+    def _fill(self, made: SceneBatch, ranges: dict[str, Range], count: int, seed: int, share: float) -> None:
         """Draw the pieces of a batch that are not there yet. Raises RequestError where there is no plan."""
         gathering = self.gathering
         budget = gathering.budget()
@@ -267,7 +264,7 @@ class _Draws:
         made.whole = True
 
 
-def _text(ranges: Ranges) -> str:
+def _text(ranges: dict[str, Range]) -> str:
     return " ".join(f"{label}={one}" for label, one in ranges.items())
 
 
@@ -281,7 +278,9 @@ def _evenly(cell: Tensor, count: int) -> Tensor:
     return torch.argsort(within, stable=True)[:count]
 
 
-def _jointly(phi: Tensor, ends: list[Ends], scenes: int, generator: torch.Generator) -> tuple[Tensor, Tensor]:
+def _jointly(
+    phi: Tensor, ends: list[tuple[float, float]], scenes: int, generator: torch.Generator
+) -> tuple[Tensor, Tensor]:
     """Which of the scenes with phi (L, M), in random order, to keep: some as they come, and of all others so many from
     each cell of the labels' product that the cells are filled as evenly as scenes allow. Returns indices (scenes,) in
     random order, and which of them are of the second kind."""
@@ -303,7 +302,9 @@ def _joint_share(labels: Sized) -> float:
     return 0.0 if len(labels) == 1 else JOINT_SHARE if len(labels) == 2 else MANY_SHARE
 
 
-def reach(spec: CheckedSpec, seed: int, stop: Stop = NEVER, deadline: float = math.inf) -> dict[str, Ends]:
+def reach(
+    spec: CheckedSpec, seed: int, stop: Stop = NEVER, deadline: float = math.inf
+) -> dict[str, tuple[float, float]]:
     """The range of phi of each label that scenes were found to have; `stop` must raise after the `deadline`, by the
     monotonic clock. Raises RequestError, and what `stop` raises."""
     found = _measure_rarity(spec, seed, stop, deadline)
@@ -337,9 +338,3 @@ def _measure_rarity(spec: CheckedSpec, seed: int, stop: Stop, deadline: float) -
     except (StoppedError, RequestError):  # time may be up
         stop.check()
         raise
-
-
-def middle(ends: Ends) -> Ends:
-    """From -top to top, where both signs occur."""
-    low, high = ends
-    return (max(low, -high), high) if low < 0.0 < high else ends

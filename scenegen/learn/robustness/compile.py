@@ -33,7 +33,6 @@ from scenegen.lang.formula.interpret import (
 )
 from scenegen.pose import AXES, NAMES, SIZE, THETA, TWO_PI, axis_of, owner, row_count, row_of
 
-# --------------------------------------------------------------------------------------------------------------------
 # The primitives' functions over torch tensors.
 
 
@@ -108,7 +107,6 @@ class _TorchNamespace:
 TORCH: Namespace = _TorchNamespace()
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The tape of a core formula, run once over torch tensors.
 
 
@@ -254,7 +252,6 @@ def _junction(kind: str, args: list[Any], beta: float | None) -> Any:
     return functools.reduce(step, args)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Headings brought to [0, 2 pi), where a formula takes them as numbers.
 
 
@@ -278,7 +275,6 @@ def coordinates(rows: Callable[[int], Any], bare: frozenset[int]) -> Callable[[i
     return coordinate
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Tensors inside the transforms of torch.func (vmap, grad, jvp and what is made of them).
 #
 # There a tensor is a wrapper around the one that holds the numbers: nothing can be written into plain tensors from

@@ -112,7 +112,6 @@ class _ActiveAtoms(Algebra[_Value]):
         return value, winner
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # phi of many scenes, and its gradient where it is wanted, through the atom that decides.
 #
 # Of a hard min or max only the deciding atom has a gradient, and it reads few objects. So phi is computed without

@@ -107,7 +107,8 @@ def load_state(path: Path, spec: CheckedSpec, config: TrainConfig) -> TrainingSt
     if card.spec.sha256 != spec.sha256:
         raise DataError(MODEL_OF_ANOTHER_SPEC(state=path, found=card.spec.name, wanted=spec.name))
     try:
-        before = TrainConfig(**card.config)
+        kept = {name: value for name, value in card.config.items() if name != "recipe"}  # of earlier versions
+        before = TrainConfig(**kept)
         history, sums, watched, noise = (tensors.pop(f"run.{name}") for name in _RUN)
     except (TypeError, KeyError, RequestError) as error:
         raise DataError(DAMAGED_MODEL(path=path, what=STATE_FILE)) from error

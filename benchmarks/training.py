@@ -1,5 +1,5 @@
 """Seconds per epoch of the published GAN and AAE on experiment 1, beside a plain loop in the same run and the published
-figures; and milliseconds per step of the energy model beside the arithmetic that a step cannot do without.
+figures; and milliseconds per step of `flow` beside the arithmetic that a step cannot do without.
 
     python benchmarks/training.py [--epochs 5]
 
@@ -7,7 +7,7 @@ One epoch is 625 steps of batch 32 over 20,000 scenes, on one thread. "plain" is
 style of published training code: a DataLoader with batch 32 and shuffle, autograd, plain Adam, losses read with .item()
 at every step. "arithmetic" is the floor: the matrix products of a step alone, in their real shapes, and Adam's one pass
 over the weights, with nothing around them. Times are CPU seconds of this process, the median over the epochs. A step
-of the energy model is one of batch 512 of the default recipe: two scenes per label, the formula, one optimiser.
+of `flow` is one of its own batches of 512 scenes.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy as bce
 from torch.utils.data import DataLoader, TensorDataset
 
+from experiments.published import register
 from scenegen.lang.checker import check_file
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.codec import Codec
 from scenegen.learn.training.config import make_config
+from scenegen.learn.training.dataset import uniform
 from scenegen.learn.training.feed import make_feed
 from scenegen.learn.training.loop import train
-from scenegen.learn.training.paper import uniform
 from scenegen.learn.training.session import TrainingSession
 from scenegen.resources import shipped_specs
 
@@ -134,15 +135,15 @@ def plain_epochs(model: str, epochs: int) -> list[float]:
 def our_epochs(model: str, epochs: int) -> list[float]:
     marks: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
-        config = make_config(model, "paper", epochs=epochs + 1)
+        config = make_config(f"paper-{model}", epochs=epochs + 1)
         train(exp1(), config, Path(folder) / "m", on_epoch=lambda report: marks.append(time.process_time()))
     return [after - before for before, after in pairwise(marks)]
 
 
-def energy_step(name: str, steps: int = 50) -> tuple[float, float]:
-    """Milliseconds of a step of the energy model on a shipped spec, and of its arithmetic."""
+def flow_step(name: str, steps: int = 50) -> tuple[float, float]:
+    """Milliseconds of a step of `flow` on a shipped spec, and of its arithmetic."""
     spec = shipped(name)
-    config = make_config("energy", data="uniform", scenes=2 * steps * 512)
+    config = make_config("flow", data="uniform", scenes=2 * steps * 512)
     session = TrainingSession(spec, config, make_feed(spec, config), None)
     took = []
     for index, batch in enumerate(session.batches()):
@@ -151,13 +152,13 @@ def energy_step(name: str, steps: int = 50) -> tuple[float, float]:
         if index >= steps:  # the first half warms up
             took.append(time.process_time() - began)
     work: list[Callable[[], object]] = []
-    for layer in session.model.generator.body.linear():
+    for layer in session.model.flow.body.linear():
         wide, narrow = layer.in_features, layer.out_features
         x, w, bias, y = torch.rand(512, wide), torch.rand(narrow, wide), torch.rand(narrow), torch.rand(512, narrow)
         gx, gw = torch.empty_like(x), torch.empty_like(w)
-        work += [partial(torch.addmm, bias, x, w.t(), out=y)] * 2
-        work += [partial(torch.mm, y.t(), x, out=gw)] * 2
-        work += [partial(torch.mm, y, w, out=gx)] * 2
+        work.append(partial(torch.addmm, bias, x, w.t(), out=y))
+        work.append(partial(torch.mm, y.t(), x, out=gw))
+        work.append(partial(torch.mm, y, w, out=gx))
     weights = [nn.Parameter(torch.rand_like(one)) for one in session.model.parameters()]
     for one in weights:
         one.grad = torch.rand_like(one)
@@ -211,6 +212,7 @@ def main() -> None:
     parser.add_argument("--epochs", type=int, default=5, help="epochs to time of each loop")
     epochs = parser.parse_args().epochs
     torch.set_num_threads(1)
+    register()
     out = sys.stdout
     out.write("CPU seconds per epoch (625 steps of batch 32, one thread)\n\n")
     out.write("| model | scenegen | plain loop | plain / scenegen | published | published / scenegen | arithmetic |\n")
@@ -225,10 +227,10 @@ def main() -> None:
             f"| {low / ours:.1f}-{high / ours:.1f} | {arithmetic(model):.2f} |\n"
         )
         out.flush()
-    out.write("\nCPU milliseconds per step of the energy model (batch 512, one thread)\n\n")
+    out.write("\nCPU milliseconds per step of `flow` (batch 512, one thread)\n\n")
     out.write("| spec | scenegen | arithmetic | share of arithmetic |\n|---|---|---|---|\n")
     for name in ("mug_left_of_plate", "table_setting", "sort_7"):
-        mine, floor = energy_step(name)
+        mine, floor = flow_step(name)
         out.write(f"| {name} | {mine:.1f} | {floor:.1f} | {100 * floor / mine:.0f} % |\n")
         out.flush()
 

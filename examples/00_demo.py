@@ -37,9 +37,9 @@ def main() -> None:
         f"After {time.perf_counter() - started:.0f} s, the pictures: {sheet}\n", soft_wrap=True, highlight=False
     )
 
-    trained = model_scenes(console, options.out / "energy.safetensors", n, epochs, scenes)
+    trained = model_scenes(console, options.out / "flow.safetensors", n, epochs, scenes)
     (sheet,) = trained.figures(options.out / "model", "sheet", size=size, workers=workers)
-    written += [sheet, trained.save(options.out / "model" / "scenes.json"), options.out / "energy.safetensors"]
+    written += [sheet, trained.save(options.out / "model" / "scenes.json"), options.out / "flow.safetensors"]
 
     console.print(f"\nDone in {time.perf_counter() - started:.0f} s. Open:")
     words = ("exact scenes", "their poses", "the model's scenes", "their poses", "the model")
@@ -63,8 +63,8 @@ def model_scenes(console: Console, file: Path, n: int, epochs: int, scenes: int)
 
     spec = scenegen.load(ROOT / "specs" / "mug_left_of_plate.spec")
     console.print(f"[bold]2. A trained model.[/bold] {spec.checked.title}")
-    with TrainingProgress(epochs, "energy", console) as progress:
-        model = scenegen.train(spec, "energy", out=file, epochs=epochs, scenes=scenes, on_epoch=progress)
+    with TrainingProgress(epochs, "flow", console) as progress:
+        model = scenegen.train(spec, "flow", out=file, epochs=epochs, scenes=scenes, on_epoch=progress)
     drawn = scenegen.sample(model, CLOSE, n=n, seed=0)
     table = Table("label", "target phi", "lowest", "mean", "highest")
     for label, values in drawn.phi.items():

@@ -45,7 +45,7 @@ def parser() -> argparse.ArgumentParser:
     found.add_argument("--workers", type=int, help="processes that train (default: one per core)")
     found.add_argument("--engine", default="local", help="what trains: local processes, or a ray cluster")
     found.add_argument("--address", metavar="ADDR", help="the Ray cluster")
-    found.add_argument("--epochs", type=int, help="passes of each training of `unseen` (default: the recipe's)")
+    found.add_argument("--epochs", type=int, help="passes of each training of `unseen` (default: the model's)")
     found.add_argument(
         "--trainings", type=int, default=1, metavar="N", help="models of each spec of `unseen` (default: 1)"
     )

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.arrays import Array
-from scenegen.learn.evaluation.fidelity import deviations, summed_distances, whitened
+from scenegen.learn.evaluation.fidelity import deviations, summed_distances, whiten
 from scenegen.pose import THETA, TWO_PI, X, Y, along, is_angle, object_count
 from scenegen.scenes.coverage import (
     center,
@@ -144,7 +144,7 @@ def energy_test(
         raise ValueError(f"{permutations} permutations of at most {most} scenes; 1 and 2 are the least")
     first, second = (_subsample(poses, most, generator) for poses in checked_pair(a, b, (2, 2)))
     n, m = first.shape[1], second.shape[1]
-    points = whitened(np.concatenate([features(first), features(second)]))
+    points = whiten(np.concatenate([features(first), features(second)]))
     labels = np.zeros((n + m, permutations + 1), dtype=np.float32)
     labels[:n, 0] = 1.0
     for column in range(1, permutations + 1):

@@ -40,7 +40,7 @@ class Training:
     @property
     def request(self) -> Request:
         """All that the model follows from."""
-        hyper = parse_hyper(self.config.model, self.config.hyper, self.config.recipe).model_dump(mode="json")
+        hyper = parse_hyper(self.config.model, self.config.hyper).model_dump(mode="json")
         return {"spec": self.spec.checked.sha256, **asdict(self.config), "hyper": hyper}
 
     def path(self, cache: Cache) -> Path:

@@ -108,7 +108,7 @@ def proposals(model: AnyModel, query: Query, phi: Array) -> tuple[float, float]:
     """CPU seconds of a scene of the network alone, asked for the phi (L, n) of exact scenes, and the share of them that
     lie in the query's bands and meet what is required: with the exact samplers' seconds a scene these bound what could
     be saved by drawing from it, if weights cost nothing and were all equal."""
-    wanted = model.trained.asked(torch.from_numpy(phi).float(), list(query.wanted))
+    wanted = model.trained.with_free_labels(torch.from_numpy(phi).float(), list(query.wanted))
     began = time.process_time()
     rows = model.trained.network.propose(wanted, torch.Generator().manual_seed(SEED))
     cost = (time.process_time() - began) / rows.shape[1]

@@ -13,7 +13,7 @@ import torch
 
 from experiments.any.report import figures
 from scenegen.learn.models.checkpoint import pack
-from scenegen.learn.models.graph_flow import FORMAT, WEIGHTS, GraphHyper, WeightsCard
+from scenegen.learn.models.graph_flow import WEIGHTS, WEIGHTS_FORMAT, GraphHyper, WeightsCard
 from scenegen.scenes.files import write_whole
 
 
@@ -28,7 +28,7 @@ def main(path: Path, report: Path | None) -> None:
         cpu_hours=round(state["seconds"] / 3600.0, 2),
         figures=figures(rows) if rows else {},
     )
-    write_whole(WEIGHTS, pack(FORMAT, card.model_dump_json(), state["mean"]))
+    write_whole(WEIGHTS, pack(WEIGHTS_FORMAT, card.model_dump_json(), state["mean"]))
 
 
 if __name__ == "__main__":

@@ -10,16 +10,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from experiments.any.union import union
 from experiments.unseen.patience import CpuBudget
+from experiments.unseen.queries import middle
 from scenegen.api.spec import parse
 from scenegen.errors import ScenegenError
 from scenegen.geometry import PRIMITIVES
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.frames import frames_of
-from scenegen.learn.models.graph import FormulaGraph, graph_of, union
+from scenegen.learn.models.graph import FormulaGraph, graph_of
 from scenegen.learn.robustness import Robustness
-from scenegen.learn.robustness.deciding import deciding
-from scenegen.learn.training.balanced import middle
+from scenegen.learn.robustness.deciding import deciding_atoms
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
@@ -83,8 +84,8 @@ def lesson(text: str, seed: int = 0) -> Lesson | None:
         for begin, end in BANDS:
             band = order[int(begin * len(order)) : max(1, int(end * len(order)))]
             ends = float(phi[place, band[0]]), float(phi[place, band[-1]])
-            framed.append((graph.framed(frames, {spec.labels[place]: ends}), band))
-    return Lesson(tuple(framed), rows, phi, graph.places(deciding(frames.core, rows)), by)
+            framed.append((graph.in_frames(frames, {spec.labels[place]: ends}), band))
+    return Lesson(tuple(framed), rows, phi, graph.places(deciding_atoms(frames.core, rows)), by)
 
 
 def exact(spec: CheckedSpec, ranges: dict[str, Range], seed: int) -> Tensor | None:

@@ -62,7 +62,7 @@ def spec_of(task: str) -> Spec:
 def training_of(task: str, quick: bool) -> Training:
     """The model of a task whose scenes a learner begins with."""
     epochs, scenes = QUICK_TRAINING if quick else TRAINING
-    config = make_config("energy", epochs=epochs, scenes=scenes, data="balanced", seed=0)
+    config = make_config("flow", epochs=epochs, scenes=scenes, data="balanced", seed=0)
     return Training(f"curriculum-model-{task}", spec_of(task), config)
 
 

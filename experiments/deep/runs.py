@@ -27,7 +27,7 @@ from scenegen.play.environments.tabletop import TableTopVector
 from scenegen.play.environments.wrapper import VectorCurriculum
 from scenegen.processes.pool import one_thread
 
-KIND = "energy"  # of model
+KIND = "flow"  # of model
 RANDOM = 4096  # scenes that tell how often which phi occurs
 MASTERED, IN_A_ROW = 0.99, 5  # success in so many measurements ends a run
 VERSION = 2  # of the environment and of what is measured: raise it when numbers change

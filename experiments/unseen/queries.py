@@ -11,7 +11,6 @@ import numpy.typing as npt
 from experiments.unseen.patience import CpuBudget
 from scenegen.errors import RequestError
 from scenegen.lang.spec import CheckedSpec
-from scenegen.learn.training.balanced import middle
 from scenegen.sampling.engine.run import draw
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
@@ -60,6 +59,12 @@ def queries(spec: CheckedSpec, reach: Ends, seed: int, patience: float = PATIENC
             second = np.sort(phi[spec.labels.index(other)])
             found.append(Query({one: value, other: float(second[(4, 8, 11)[index % 3]])}, half))
     return found, missing
+
+
+def middle(ends: tuple[float, float]) -> tuple[float, float]:
+    """From -top to top, where both signs occur."""
+    low, high = ends
+    return (max(low, -high), high) if low < 0.0 < high else ends
 
 
 def quantiles(ends: tuple[float, float]) -> list[float]:

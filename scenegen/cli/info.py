@@ -59,10 +59,10 @@ def _print_any(json: bool) -> None:
     from scenegen.needs import need
 
     need("torch", "to read a model")
-    from scenegen.learn.any import TAKES
-    from scenegen.learn.models.graph_flow import WEIGHTS, shipped
+    from scenegen.learn.any import ANY_SCOPE
+    from scenegen.learn.models.graph_flow import WEIGHTS, shipped_weights
 
-    card, weights = shipped()
+    card, weights = shipped_weights()
     size, count = WEIGHTS.stat().st_size, sum(one.numel() for one in weights.values())
     if json:
         print_json({"bytes": size, "weights": count, **card.model_dump()})
@@ -71,7 +71,7 @@ def _print_any(json: bool) -> None:
         "networks": ", ".join(f"{name} {value}" for name, value in card.hyper.items()),
         "file": f"{size:,} bytes, {count:,} weights",
         "learnt from": f"{card.specs:,} random specs, {card.steps:,} steps, {card.cpu_hours:g} CPU hours",
-        **TAKES,
+        **ANY_SCOPE,
         **card.figures,
     }
     typer.echo("any: the model of any spec, a flow over the graph of its formula\n")

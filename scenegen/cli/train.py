@@ -55,7 +55,7 @@ class Clock:
         return f"{now - marks[0]:.0f} s in all" + (f" ({told})" if told else "")
 
 
-@asking(TrainConfig, model="flow", recipe="default")
+@asking(TrainConfig, model="flow")
 def train(
     specs: list[Path] = SPEC_FILES,
     out: str = option(
@@ -88,7 +88,7 @@ def train(
       scenegen sample m.safetensors --phi 0:0.2 -n 100 --out scenes.json
       scenegen train specs/*.spec --out models/
 
-    Unspecified options take the recipe's defaults. Ctrl-C leaves a usable model; --resume then continues to the same
+    Unspecified options take the model's defaults. Ctrl-C leaves a usable model; --resume then continues to the same
     result as an uninterrupted run (it reads FILE.train beside the model, which you can delete afterwards). With more
     --epochs than at first, the learning rate follows the new schedule from there on.
 
@@ -108,12 +108,12 @@ def train(
     from scenegen.search.effort import Budget
 
     options = {**typed, "hyper": parse_settings(typed["hyper"] or [])}
-    model, recipe, phi = (options.pop(name) for name in ("model", "recipe", "phi"))
+    model, phi = options.pop("model"), options.pop("phi")
     # refused before anything is read, loaded or drawn; the rest of the imports bring torch, which takes seconds
-    config = make_config(model, recipe, **options)
+    config = make_config(model, **options)
     counts = parse_counts(count)
     budget = Budget(math.inf if timeout is None else time_left(as_seconds("timeout", timeout)))
-    training = Training(model, recipe, options, card, resume, budget, log_dir, root, counts, tuple(phi or ()))
+    training = Training(model, options, card, resume, budget, log_dir, root, counts, tuple(phi or ()))
     if len(specs) > 1 or names_set(out):
         from scenegen.scenes.files import ensure_folder
 
@@ -189,7 +189,6 @@ class Training:
     raises."""
 
     model: str
-    recipe: str
     options: dict[str, Any]
     card: bool
     resume: bool
@@ -222,7 +221,7 @@ class Training:
 
         left = self.budget.seconds_left
         return train(
-            spec, self.model, recipe=self.recipe, out=out, resume=resume, log_dir=log_dir, phi=wanted,
+            spec, self.model, out=out, resume=resume, log_dir=log_dir, phi=wanted,
             timeout=None if math.isinf(left) else left, **watching, **self.options,
         )  # fmt: skip
 
@@ -238,12 +237,12 @@ class Training:
         if self.budget.spent:
             raise RequestError(NO_TIME_TO_CHECK())
         from scenegen.learn.evaluation.card import card_paths
-        from scenegen.learn.training.state import begun
+        from scenegen.learn.training.state import can_resume
 
         source, out, numbers = task
         started = time.monotonic()
         spec, wanted = self.prepare(source, out, numbers)
-        going = self.resume and begun(out)
+        going = self.resume and can_resume(out)
         if going and self._complete(spec, out, wanted) and not (self.card and not card_paths(out)[0].exists()):
             return JobMessages((f"complete already: {out}",))
         notes: list[Diagnostic] = []
@@ -263,7 +262,7 @@ class Training:
         if not state_path(out).exists():
             return False
         asked = trained_on(spec, dict(wanted))
-        config = make_config(self.model, self.recipe, phi=asked, **self.options)
+        config = make_config(self.model, phi=asked, **self.options)
         if load_state(state_path(out), spec.checked, config).epoch < config.epochs:
             return False
         try:

@@ -23,15 +23,15 @@ from scenegen.errors.requests import NO_TIME_TO_CHECK
 from scenegen.lang.formula.core import gate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn import guided
-from scenegen.learn.evaluation.card import CpuBudget, returned
+from scenegen.learn.evaluation.card import CpuBudget, sample_model
 from scenegen.learn.evaluation.fidelity import fidelity
 from scenegen.learn.faults import FAULTS_SHOWN, LEAST_COVERAGE, MOST_DISTANCE
-from scenegen.learn.model import ANY, Model, beyond, unmet
+from scenegen.learn.model import ANY, Model, targets_beyond_training, unmet_requirements
 from scenegen.learn.models.card import LabelData, LossData, ModelCard, depends_on, layout_of, spec_data
 from scenegen.learn.models.checkpoint import TrainedModel, as_trained
 from scenegen.learn.models.codec import ways_of
 from scenegen.learn.models.graph import refuse_unknown
-from scenegen.learn.models.graph_flow import WEIGHTS, GraphHyper, shipped
+from scenegen.learn.models.graph_flow import WEIGHTS, GraphHyper, shipped_weights
 from scenegen.learn.training.balanced import reach
 from scenegen.processes.pool import one_thread
 from scenegen.resources import __version__
@@ -42,15 +42,15 @@ from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.data import WorkspaceData
 from scenegen.search.effort import Budget, StoppedError
 
-TAKES = {
+ANY_SCOPE = {
     "takes": "formulas over centres, headings and footprints: any objects, held or free, regions, heights of fixed "
     "surfaces, `require`, quantifiers",
     "does not take": "specs over time, numbers of things that are drawn, one of several surfaces",
 }
-SEED = 20_261_127  # of the exact scenes that it is compared with, and of its own
-SCENES = 400  # of each
-FEWEST = 100  # that a comparison needs
-PATIENCE = 0.5  # CPU seconds for the exact ones
+EXACT_SEED = 20_261_127  # of the exact scenes that it is compared with, and of its own
+COMPARED_SCENES = 400  # of each
+MIN_COMPARED_SCENES = 100  # that a comparison needs
+EXACT_SECONDS = 0.5  # CPU seconds for the exact ones
 COMMON, LEFT_OUT = 0.05, 0.2  # share of a branch among exact scenes; of that share, below which it counts as left out
 
 
@@ -64,7 +64,7 @@ class AnyModel(Model):
         limit = budget or Budget(math.inf)
         self._budget = CpuBudget(limit.seconds, limit.started)
         try:
-            super().__init__(bound(spec.checked, self._budget))
+            super().__init__(bind_weights(spec.checked, self._budget))
         except StoppedError:
             raise RequestError(NO_TIME_TO_CHECK()) from None
         self.spec = spec
@@ -74,9 +74,11 @@ class AnyModel(Model):
         return f"<AnyModel of {self.spec.definition.name}>"
 
     def proposer_of(self, checked: CheckedSpec, ranges: Mapping[str, Range]) -> TrainedModel:
-        _, phi = self._exact(SampleRequest(dict(ranges), SCENES, SEED, spread="base", workers=1))
-        phi = phi if phi.shape[1] == SCENES else phi[:, :0]  # how many a machine finds in time changes no scene
-        ends = np.array([_ends(ranges.get(label)) for label in self.spec.labels])
+        _, phi = self._exact(SampleRequest(dict(ranges), COMPARED_SCENES, EXACT_SEED, spread="base", workers=1))
+        phi = (
+            phi if phi.shape[1] == COMPARED_SCENES else phi[:, :0]
+        )  # how many a machine finds in time changes no scene
+        ends = np.array([ranges.get(label, Range()).ends for label in self.spec.labels])
         regions = (np.concatenate([ends, phi], axis=1),) if phi.shape[1] else ()
         return replace(self.trained, only=tuple(ranges), regions=regions)
 
@@ -86,22 +88,24 @@ class AnyModel(Model):
         for it."""
         found = []
         if request.raw:
-            found += beyond(self, {label: _ends(one) for label, one in request.phi.items()})
-            found += [] if rows is None else unmet(self, rows)
-        asked = SampleRequest(request.phi, SCENES, SEED, spread=request.spread, fix=request.fix, workers=1)
+            found += targets_beyond_training(self, {label: one.ends for label, one in request.phi.items()})
+            found += [] if rows is None else unmet_requirements(self, rows)
+        asked = SampleRequest(
+            request.phi, COMPARED_SCENES, EXACT_SEED, spread=request.spread, fix=request.fix, workers=1
+        )
         exact, _ = self._exact(asked)
         selected = request.raw or request.settle or request.success is not None
-        if rows is None or rows.shape[1] < SCENES or selected:
+        if rows is None or rows.shape[1] < COMPARED_SCENES or selected:
             try:
-                rows = returned(self, asked, replace(self._budget.some(PATIENCE), firm=False))[0]
+                rows = sample_model(self, asked, replace(self._budget.portion(EXACT_SECONDS), firm=False))[0]
             except (RequestError, StoppedError):
                 rows = exact[:, :0]
         where = " ".join(f"{label}={one}" for label, one in request.phi.items()) or "any phi"
-        count = min(exact.shape[1], rows.shape[1], SCENES)
-        if count < FEWEST:
+        count = min(exact.shape[1], rows.shape[1], COMPARED_SCENES)
+        if count < MIN_COMPARED_SCENES:
             return (*found, NOT_MEASURED(where=where, one=None))
-        some = np.random.default_rng(SEED).permutation(rows.shape[1])[:count]
-        return (*found, *compared(self.spec.checked, exact[:, :count], rows[:, some], where))
+        some = np.random.default_rng(EXACT_SEED).permutation(rows.shape[1])[:count]
+        return (*found, *compare_scenes(self.spec.checked, exact[:, :count], rows[:, some], where))
 
     def _exact(self, request: SampleRequest) -> tuple[Array, Array]:
         """See `exact_scenes`; those that were not found in time, spread in one way, are not looked for in another."""
@@ -114,16 +118,16 @@ class AnyModel(Model):
 
 def exact_scenes(checked: CheckedSpec, request: SampleRequest, limit: CpuBudget | None = None) -> tuple[Array, Array]:
     """Exact scenes (3N, n) for a request, and their phi (L, n), in random order: as many as there are in time."""
-    budget = (limit or CpuBudget(math.inf)).some(PATIENCE)
+    budget = (limit or CpuBudget(math.inf)).portion(EXACT_SECONDS)
     try:
         found = draw(make_problem(checked, request, budget), budget)
     except (RequestError, StoppedError):
         return np.empty((len(checked.box()[0]), 0)), np.empty((len(checked.labels), 0))
-    order = np.random.default_rng(SEED).permutation(found.count)
+    order = np.random.default_rng(EXACT_SEED).permutation(found.count)
     return found.rows[:, order], found.phi[: len(checked.labels), order]
 
 
-def compared(spec: CheckedSpec, exact: Array, made: Array, where: str) -> list[Diagnostic]:
+def compare_scenes(spec: CheckedSpec, exact: Array, made: Array, where: str) -> list[Diagnostic]:
     """Warnings, where scenes (3N, n) that were made are unlike exact ones."""
     figures = fidelity(exact, made, depends_on(spec.core))
     found = []
@@ -137,11 +141,6 @@ def make_plan(problem: Problem, budget: Budget) -> Plan:
     """The plan of a problem by the model of its spec. Raises RequestError."""
     proposer = AnyModel(Spec(problem.spec), budget).proposer_of(problem.spec, problem.request.phi)
     return guided.make_plan(problem, budget, proposer)
-
-
-def _ends(wanted: Range | None) -> tuple[float, float]:
-    low, high = (None, None) if wanted is None else (wanted.low, wanted.high)
-    return -math.inf if low is None else low, math.inf if high is None else high
 
 
 def left_out(spec: CheckedSpec, exact: Array, made: Array) -> str:
@@ -159,10 +158,10 @@ def left_out(spec: CheckedSpec, exact: Array, made: Array) -> str:
     return "; ".join(found[:FAULTS_SHOWN])
 
 
-def bound(checked: CheckedSpec, budget: CpuBudget) -> TrainedModel:
+def bind_weights(checked: CheckedSpec, budget: CpuBudget) -> TrainedModel:
     """The weights that come with the package, as a model of this spec. Raises RequestError where phi of a label cannot
     vary, and StoppedError where time is up."""
-    card, weights = shipped()
+    card, weights = shipped_weights()
     refuse_unknown(gate(checked.core), GraphHyper.model_validate(card.hyper).primitives)
     ends = {label: _reach(checked, label, budget) for label in checked.labels}
     space = checked.workspace
@@ -190,8 +189,10 @@ def _reach(checked: CheckedSpec, label: str, budget: CpuBudget) -> tuple[float, 
     """The lowest and the highest phi of a label among exact scenes. Raises RequestError where it cannot vary, and
     StoppedError where time is up."""
     budget.check()
-    _, phi = exact_scenes(checked, SampleRequest({label: Range(None, None)}, SCENES, SEED, workers=1), budget)
+    _, phi = exact_scenes(
+        checked, SampleRequest({label: Range(None, None)}, COMPARED_SCENES, EXACT_SEED, workers=1), budget
+    )
     mine = phi[checked.labels.index(label)]
-    if len(mine) < SCENES or mine.min() == mine.max():  # not what a machine found in time
-        return reach(checked, SEED, budget, budget.ends)[label]
+    if len(mine) < COMPARED_SCENES or mine.min() == mine.max():  # not what a machine found in time
+        return reach(checked, EXACT_SEED, budget, budget.ends)[label]
     return float(mine.min()), float(mine.max())

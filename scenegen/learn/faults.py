@@ -19,8 +19,6 @@ MOST_DISTANCE = 0.2  # KS, of a thousand scenes: exact ones have up to 0.09
 GOOD_PART = 0.2
 FAULTS_SHOWN = 3
 
-Ends = Mapping[str, tuple[float | None, float | None]]
-
 
 def faults(found: Sequence[QualityData], returned: Sequence[RangeData] = ()) -> list[Diagnostic]:
     """A warning for each kind of fault, of raw scenes and of those that `sample` returns; none where the model is as
@@ -29,7 +27,9 @@ def faults(found: Sequence[QualityData], returned: Sequence[RangeData] = ()) -> 
     poor = [one for one in returned if one.coverage < LEAST_COVERAGE or max(one.phi, one.ks) > MOST_DISTANCE]
     if poor:
         worst = sorted(poor, key=lambda one: one.coverage - max(one.phi, one.ks))[:FAULTS_SHOWN]
-        places = "; ".join(f"cover {one.coverage:.2f}, KS {max(one.phi, one.ks):.2f} at {told(one)}" for one in worst)
+        places = "; ".join(
+            f"cover {one.coverage:.2f}, KS {max(one.phi, one.ks):.2f} at {describe_range(one)}" for one in worst
+        )
         lines.append(POOR_MODEL(unlike=places + _more(poor)))
     left_out = sorted((one for one in found if one.coverage < LEAST_COVERAGE), key=lambda one: one.coverage)
     if left_out:
@@ -42,7 +42,7 @@ def faults(found: Sequence[QualityData], returned: Sequence[RangeData] = ()) -> 
     return lines
 
 
-def concerned(found: Sequence[QualityData], ranges: Ends) -> list[QualityData]:
+def relevant_quality(found: Sequence[QualityData], ranges: Mapping[str, Range]) -> list[QualityData]:
     """The figures that say something about a request: of the labels that it names, within its ranges, or the nearest
     where none is."""
     same = [one for one in found if set(one.wanted) == set(ranges)]
@@ -51,7 +51,7 @@ def concerned(found: Sequence[QualityData], ranges: Ends) -> list[QualityData]:
     return inside or sorted(same, key=lambda one: _distance(one, ranges))[:1]
 
 
-def measured(card: ModelCard, regions: Sequence[Array], ranges: Ends) -> bool:
+def covers_request(card: ModelCard, regions: Sequence[Array], ranges: Mapping[str, Range]) -> bool:
     """Whether the figures of a card say anything about a request: some were taken within its ranges, or of ranges of
     whose scenes it has a good part. `regions` tell how phi is distributed (TrainedModel)."""
     if any(set(one.wanted) == set(ranges) and _distance(one, ranges) == 0.0 for one in card.quality):
@@ -59,52 +59,53 @@ def measured(card: ModelCard, regions: Sequence[Array], ranges: Ends) -> bool:
     return any(_share(card, regions, one, ranges) >= GOOD_PART for one in overlapping(card, ranges))
 
 
-def _share(card: ModelCard, regions: Sequence[Array], one: RangeData, ranges: Ends) -> float:
+def _share(card: ModelCard, regions: Sequence[Array], one: RangeData, ranges: Mapping[str, Range]) -> float:
     """The share of the scenes of a measured range that a request has; 0 where that is not known."""
-    phi = occurring(regions, *_ends(card, one.wanted))
+    phi = occurring(regions, *_ends(card, _ranges(one)))
     low, high = _ends(card, ranges)
     inside = ((phi >= low[:, None]) & (phi <= high[:, None])).all(axis=0)
     return float(inside.mean()) if inside.size else 0.0
 
 
-def _ends(card: ModelCard, ranges: Ends) -> tuple[Array, Array]:
+def _ends(card: ModelCard, ranges: Mapping[str, Range]) -> tuple[Array, Array]:
     """The lowest and the highest phi of each label of a card, (L,) each; infinite where there is no end."""
-    both = [ranges.get(label.name, (None, None)) for label in card.labels]
-    low = [-np.inf if one is None else one for one, _ in both]
-    high = [np.inf if one is None else one for _, one in both]
-    return np.array(low), np.array(high)
+    low, high = np.array([ranges.get(label.name, Range()).ends for label in card.labels]).T
+    return low, high
 
 
-def overlapping(card: ModelCard, ranges: Ends) -> list[RangeData]:
+def overlapping(card: ModelCard, ranges: Mapping[str, Range]) -> list[RangeData]:
     """The measured ranges of the same labels that have values in common with a request."""
     same = [one for one in card.ranges or () if set(one.wanted) == set(ranges)]
     return [one for one in same if _overlap(card, one, ranges) > 0.0]
 
 
-def _overlap(card: ModelCard, one: RangeData, ranges: Ends) -> float:
+def _overlap(card: ModelCard, one: RangeData, ranges: Mapping[str, Range]) -> float:
     """How much of a measured range a request has, as a share of its width, of the label where that is least."""
     shares = []
     for label in card.labels:
         if label.name in ranges:
             (low, high), (least, most) = (
-                (label.lowest if a is None else a, label.highest if b is None else b)
-                for a, b in (one.wanted[label.name], ranges[label.name])
+                (label.lowest if ends.low is None else ends.low, label.highest if ends.high is None else ends.high)
+                for ends in (_ranges(one)[label.name], ranges[label.name])
             )
             shares.append((min(high, most) - max(low, least)) / (high - low) if high > low else 0.0)
     return min(shares, default=0.0)
 
 
-def told(one: RangeData) -> str:
+def describe_range(one: RangeData) -> str:
     """The ranges in words: `task 0:`."""
-    return ", ".join(f"{label} {Range(*ends)}" for label, ends in one.wanted.items())
+    return ", ".join(f"{label} {ends}" for label, ends in _ranges(one).items())
 
 
-def _distance(one: QualityData, ranges: Ends) -> float:
+def _ranges(one: RangeData) -> dict[str, Range]:
+    return {label: Range(*ends) for label, ends in one.wanted.items()}
+
+
+def _distance(one: QualityData, ranges: Mapping[str, Range]) -> float:
     far = [0.0]
     for label, value in one.wanted.items():
-        low, high = ranges.get(label, (None, None))
-        far += [low - value] if low is not None else []
-        far += [value - high] if high is not None else []
+        low, high = ranges.get(label, Range()).ends
+        far += [low - value, value - high]
     return max(far)
 
 

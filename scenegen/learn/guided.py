@@ -37,9 +37,11 @@ if TYPE_CHECKING:
 # Target values of phi.
 
 
-FEWEST = 16  # scenes of a range that tell how phi is distributed there
-LIVE = 1 << 22  # nodes of the formula, of all scenes that are scored together: their values may all be in memory
-INSIDE = 1e-4  # of what is required, where its margin is not known: a tenth of a millimetre
+MIN_REGION_SCENES = 16  # scenes of a range that tell how phi is distributed there
+MAX_SCORED_NUMBERS = (
+    1 << 22
+)  # nodes of the formula, of all scenes that are scored together: their values may all be in memory
+REQUIRED_MARGIN = 1e-4  # of what is required, where its margin is not known: a tenth of a millimetre
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,9 +85,9 @@ def make_targets(problem: Problem, regions: Sequence[Array] = (), stop: Stop = N
     `stop` raises."""
     cells, labels = problem.cells, len(problem.spec.labels)
     best = occurring(regions, cells.low[:labels], cells.high[:labels])
-    if best.shape[1] >= FEWEST:
-        required = np.full((len(cells.labels) - labels, best.shape[1]), INSIDE)
-        return _sorted(cells, np.concatenate([best, required]))
+    if best.shape[1] >= MIN_REGION_SCENES:
+        required = np.full((len(cells.labels) - labels, best.shape[1]), REQUIRED_MARGIN)
+        return _sort_by_cell(cells, np.concatenate([best, required]))
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, MODEL_PILOT_STREAM]))
     lowest, highest = problem.lowest[:, None], problem.highest[:, None]
     count = min(problem.piece_size, max(1024, PIECE_NUMBERS // len(problem.core.labels)))
@@ -95,12 +97,12 @@ def make_targets(problem: Problem, regions: Sequence[Array] = (), stop: Stop = N
         for start in range(0, count, size := _at_a_time(problem, count)):
             stop.check()
             parts.append(problem.phi(rows[:, start : start + size]))
-    return _sorted(cells, np.concatenate(parts, axis=1))
+    return _sort_by_cell(cells, np.concatenate(parts, axis=1))
 
 
 def _at_a_time(problem: Problem, most: int) -> int:
     """How many scenes are scored together, at most."""
-    return max(64, min(most, LIVE // len(problem.core.nodes)))
+    return max(64, min(most, MAX_SCORED_NUMBERS // len(problem.core.nodes)))
 
 
 def occurring(regions: Sequence[Array], low: Array, high: Array) -> Array:
@@ -116,7 +118,7 @@ def occurring(regions: Sequence[Array], low: Array, high: Array) -> Array:
     return best
 
 
-def _sorted(cells: Cells, phi: Array) -> Targets:
+def _sort_by_cell(cells: Cells, phi: Array) -> Targets:
     found = cells.find(phi)
     order = np.argsort(found, kind="stable")
     borders = np.searchsorted(found[order], np.arange(cells.count + 1))
@@ -127,14 +129,14 @@ def _sorted(cells: Cells, phi: Array) -> Targets:
 
 
 SMALLEST, LARGEST = 256, 16_384  # candidates of a piece
-CHUNK = 4096  # candidates refined at a time
+REFINED_AT_ONCE = 4096  # candidates refined at a time
 FIRST, MORE = 8, 4  # candidates per cell in the plan's first round; factor from one round to the next
-PATIENCE = 2048  # candidates without success after which a cell counts as unreachable
+MAX_CELL_TRIES = 2048  # candidates without success after which a cell counts as unreachable
 LOOKED_AT = 512  # minimum number of cells that the plan tries if fewer scenes than cells are requested
-SPARE = 1.2  # more than is needed on average, so that one piece is enough for few scenes
+SURPLUS = 1.2  # more than is needed on average, so that one piece is enough for few scenes
 REFINING = 60  # evaluations of phi per refined candidate, about
-BARREN = 64  # a run ends after so many pieces in a row without a new scene
-SLACK = 1e-9  # beyond this distance from the range, torch's phi suffices to reject a scene
+MAX_BARREN_PIECES = 64  # a run ends after so many pieces in a row without a new scene
+PHI_SLACK = 1e-9  # beyond this distance from the range, torch's phi suffices to reject a scene
 GOLDEN = (5.0**0.5 - 1.0) / 2.0
 
 
@@ -155,7 +157,7 @@ class ProposerPlan(Plan):
     stop: Stop = NEVER
 
     method: ClassVar[str] = "model"
-    patience: ClassVar[int] = BARREN
+    patience: ClassVar[int] = MAX_BARREN_PIECES
 
     @property
     def plan_digest(self) -> str:
@@ -175,7 +177,7 @@ class ProposerPlan(Plan):
 
     @property
     def evaluations(self) -> float:
-        return REFINING * (self.candidates + SPARE * self.wanted / max(self.rate, 1e-9))
+        return REFINING * (self.candidates + SURPLUS * self.wanted / max(self.rate, 1e-9))
 
     def draw(self, k: int) -> Piece:
         rows, phi, moved = self._candidates(k)
@@ -194,7 +196,7 @@ class ProposerPlan(Plan):
             "refined": self.moved + int(moved),
             **self.proposer.info,
         }
-        return Account(info, _tried(candidates, self.proposer))
+        return Account(info, _candidates_text(candidates, self.proposer))
 
     def misses(self) -> tuple[Array, Array]:
         try:
@@ -208,7 +210,7 @@ class ProposerPlan(Plan):
         seed = (self.seed, MODEL_PIECES_STREAM, 1, k)
         order = np.random.default_rng(np.random.SeedSequence(seed)).permutation(sum(self.counts))
         cells = np.repeat(np.array(self.reached, dtype=np.intp), self.counts)[order]
-        return refined(self.problem, self.targets, self.proposer, cells, seed, self.stop)
+        return refine_scenes(self.problem, self.targets, self.proposer, cells, seed, self.stop)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -248,7 +250,7 @@ class RawOutput(Plan):
         possible = np.array(sorted(self.problem.possible), dtype=np.intp)
         target = self.targets.draw(np.resize(rng.permutation(possible), self.size), rng)
         with one_thread():
-            rows = proposed(self.proposer, target, seed, self.stop).numpy()
+            rows = propose_scenes(self.proposer, target, seed, self.stop).numpy()
         with np.errstate(all="ignore"):
             phi = self.problem.phi(rows)
         return Piece(rows, phi, np.zeros(self.size, dtype=np.intp), np.empty(0))
@@ -262,7 +264,7 @@ class RawOutput(Plan):
             "raw": True,
             "candidates": self.wanted,
         }
-        return Account({**info, **self.proposer.info}, _tried(tally.candidates, self.proposer))
+        return Account({**info, **self.proposer.info}, _candidates_text(tally.candidates, self.proposer))
 
 
 def make_plan(problem: Problem, budget: Budget, proposer: Proposer) -> Plan:
@@ -272,7 +274,7 @@ def make_plan(problem: Problem, budget: Budget, proposer: Proposer) -> Plan:
     try:
         targets = make_targets(problem, proposer.regions, budget)
     except StoppedError:
-        raise RequestError(shortfall(problem, 0, _tried(0, proposer), rows, phi)) from None
+        raise RequestError(shortfall(problem, 0, _candidates_text(0, proposer), rows, phi)) from None
     if problem.request.raw:
         size = min(problem.request.n, LARGEST, problem.piece_size)
         return RawOutput(problem, proposer, targets, size, budget)
@@ -281,18 +283,18 @@ def make_plan(problem: Problem, budget: Budget, proposer: Proposer) -> Plan:
     tries, served = np.zeros(count, dtype=np.intp), np.zeros(count, dtype=np.intp)
     met = np.zeros(count, dtype=bool)
     each, moved, number = max(FIRST, -(-SMALLEST // len(order))), 0, 0
-    while waiting := [cell for cell in order if not met[cell] and tries[cell] < PATIENCE]:
+    while waiting := [cell for cell in order if not met[cell] and tries[cell] < MAX_CELL_TRIES]:
         for start in range(0, len(waiting), max(1, LARGEST // each)):
             some = np.array(waiting[start : start + max(1, LARGEST // each)], dtype=np.intp)
-            cells = np.repeat(some, np.minimum(each, PATIENCE - tries[some]))
+            cells = np.repeat(some, np.minimum(each, MAX_CELL_TRIES - tries[some]))
             try:
                 if budget.spent:
                     raise StoppedError
-                rows, phi, shifted = refined(
+                rows, phi, shifted = refine_scenes(
                     problem, targets, proposer, cells, (seed, MODEL_PIECES_STREAM, 0, number), budget
                 )
             except StoppedError:
-                tried = _tried(int(tries.sum()), proposer)
+                tried = _candidates_text(int(tries.sum()), proposer)
                 if met.any():
                     raise RequestError(too_early(problem, tried, len(waiting))) from None
                 raise RequestError(shortfall(problem, 0, tried, rows, phi)) from None
@@ -306,10 +308,10 @@ def make_plan(problem: Problem, budget: Budget, proposer: Proposer) -> Plan:
     reached = tuple(map(int, np.flatnonzero(met)))
     candidates = int(tries.sum())
     if not reached:
-        raise RequestError(shortfall(problem, 0, _tried(candidates, proposer), rows, phi))
+        raise RequestError(shortfall(problem, 0, _candidates_text(candidates, proposer), rows, phi))
     at = list(reached)
     rate = (served[at] + 0.5) / (tries[at] + 1.0)
-    counts = _share_out(SPARE * max(1.0, n / len(at)) / rate, min(LARGEST, problem.piece_size))
+    counts = _share_out(SURPLUS * max(1.0, n / len(at)) / rate, min(LARGEST, problem.piece_size))
     usual = float((rate * counts).sum() / sum(counts))
     return ProposerPlan(problem, proposer, targets, reached, counts, usual, candidates, moved, budget)
 
@@ -320,11 +322,11 @@ def _share_out(need: Array, most: int) -> tuple[int, ...]:
     return tuple(math.ceil(size * one / need.sum()) for one in need)
 
 
-def _tried(candidates: int, proposer: Proposer) -> str:
+def _candidates_text(candidates: int, proposer: Proposer) -> str:
     return f"{candidates:,} candidates of the {proposer.name}"
 
 
-def proposed(proposer: Proposer, target: Array, seed: Sequence[int], stop: Stop) -> Tensor:
+def propose_scenes(proposer: Proposer, target: Array, seed: Sequence[int], stop: Stop) -> Tensor:
     """Scenes (3N, B) float64 for targets (L, B). Raises what `stop` raises."""
     import torch
 
@@ -334,7 +336,7 @@ def proposed(proposer: Proposer, target: Array, seed: Sequence[int], stop: Stop)
     return scenes.to(torch.float64)
 
 
-def refined(
+def refine_scenes(
     problem: Problem, targets: Targets, proposer: Proposer, cells: Index, seed: Sequence[int], stop: Stop = NEVER
 ) -> tuple[Array, Array, int]:
     """Proposed and refined scenes for B cells, (3N, B), with their exact phi (L, B), and how many of them refinement
@@ -353,13 +355,13 @@ def refined(
     labels, box = len(problem.spec.labels), (problem.lowest, problem.highest)
     moved = 0
     with one_thread(), np.errstate(all="ignore"):
-        for start in range(0, len(cells), size := _at_a_time(problem, CHUNK)):
+        for start in range(0, len(cells), size := _at_a_time(problem, REFINED_AT_ONCE)):
             stop.check()
             part = slice(start, start + size)
             target = targets.draw(cells[part], rng)
             ends = (np.stack(side, axis=1) for side in zip(*[limits[int(cell)] for cell in cells[part]], strict=True))
             low, high = map(torch.from_numpy, ends)
-            made = proposed(proposer, target, (*seed, start), stop)
+            made = propose_scenes(proposer, target, (*seed, start), stop)
             better = refine(robustness, workspace, made, torch.from_numpy(target), low, high, held, stop)
             moved += int((better != made).any(dim=0).sum())
             state = np.random.SeedSequence([*seed, start, 3]).generate_state(1, np.uint64)
@@ -380,7 +382,7 @@ def score(problem: Problem, robustness: Robustness, rows: Tensor) -> Array:
 
     with torch.no_grad():
         phi = np.array(robustness.rows(rows, check=False).numpy())
-    low, high = problem.cells.low[:, None] - SLACK, problem.cells.high[:, None] + SLACK
+    low, high = problem.cells.low[:, None] - PHI_SLACK, problem.cells.high[:, None] + PHI_SLACK
     near = np.flatnonzero(((phi >= low) & (phi <= high)).all(axis=0))
     if len(near):
         phi[:, near] = problem.phi(rows.numpy()[:, near])

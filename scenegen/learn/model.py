@@ -208,10 +208,10 @@ def family_files(spec: Spec, folder: Path) -> list[tuple[dict[str, int], Spec, P
 def advice(model: Model, ranges: Mapping[str, Range], rows: Array | None, raw: bool) -> tuple[Diagnostic, ...]:
     """Warnings about scenes (3N, n) that a model made for a request; None where they are no longer in memory."""
     from scenegen.learn.faults import (  # most requests are not of models
-        concerned,
+        covers_request,
         faults,
-        measured,
         overlapping,
+        relevant_quality,
     )
 
     ends = {label: (wanted.low, wanted.high) for label, wanted in ranges.items()}
@@ -219,15 +219,15 @@ def advice(model: Model, ranges: Mapping[str, Range], rows: Array | None, raw: b
     scenes = [None] * len(model.each) if rows is None or not raw else _scenes_of(model, rows)
     for (numbers, one), made in zip(model.each, scenes, strict=True):
         card = one.trained.card
-        mine = faults(concerned(card.quality, ends), () if raw else overlapping(card, ends))
-        if ends and card.ranges is not None and not measured(card, one.trained.regions, ends):
+        mine = faults(relevant_quality(card.quality, ranges), () if raw else overlapping(card, ranges))
+        if ranges and card.ranges is not None and not covers_request(card, one.trained.regions, ranges):
             where = [f"{label}={wanted}" for label, wanted in ranges.items()]
             mine.append(NOT_MEASURED(where=" ".join(where), one=where[0] if len(where) == 1 else None))
         if not one.trained.regions and not all(wanted.is_bounded for wanted in ranges.values()):
             mine.append(NO_TABLE_OF_PHI(version=card.scenegen))
         if raw:
-            mine += beyond(one, ends)
-            mine += [] if made is None else unmet(one, made)
+            mine += targets_beyond_training(one, ends)
+            mine += [] if made is None else unmet_requirements(one, made)
         found |= dict.fromkeys(each.but(counted=numbers_text(numbers)) if numbers else each for each in mine)
     return tuple(found)
 
@@ -242,7 +242,7 @@ def _scenes_of(model: Model, rows: Array) -> list[Array]:
     return [rows[np.ix_(mine, found.get(number, none))] for number, mine in enumerate(members.rows)]
 
 
-def beyond(model: Model, ends: Mapping[str, tuple[float | None, float | None]]) -> list[Diagnostic]:
+def targets_beyond_training(model: Model, ends: Mapping[str, tuple[float | None, float | None]]) -> list[Diagnostic]:
     """Targets outside of the range of phi that the model was trained on."""
     lines = []
     for label, (low, high) in ends.items():
@@ -252,7 +252,7 @@ def beyond(model: Model, ends: Mapping[str, tuple[float | None, float | None]]) 
     return lines
 
 
-def unmet(model: Model, rows: Array) -> list[Diagnostic]:
+def unmet_requirements(model: Model, rows: Array) -> list[Diagnostic]:
     """Raw scenes that break a requirement."""
     core = gate(model.spec.checked.core)
     if REQUIRE not in core.labels:

@@ -59,7 +59,7 @@ def clamp_to(workspace: Workspace, rows: Tensor, held: tuple[Tensor, Tensor] | N
 SOFT_STEPS = 20
 HARD_STEPS = 20
 BETA = 10.0
-LONGEST = 0.25  # of the workspace, or radians: the longest step of a coordinate, since J is valid only nearby
+MAX_REFINE_STEP = 0.25  # of the workspace, or radians: the longest step of a coordinate, since J is valid only nearby
 # Far from the target the labels' gradients are often nearly parallel; the exact step is then a long jump sideways.
 SOFT_DAMPING, HARD_DAMPING = 0.1, 1e-9
 
@@ -115,7 +115,7 @@ def _jacobian(phi: Tensor, rows: Tensor, stop: Stop) -> Tensor:
 
 
 def newton(
-    jacobian: Tensor, residual: Tensor, damping: float, longest: float = LONGEST, least: float = 1e-12
+    jacobian: Tensor, residual: Tensor, damping: float, longest: float = MAX_REFINE_STEP, least: float = 1e-12
 ) -> Tensor:
     """The shortest step (3N, B) that closes the residual (L, B) to first order; no coordinate goes further than
     `longest`. What labels should not move has zeros in the jacobian (L, 3N, B) and the residual.
@@ -127,9 +127,9 @@ def newton(
     scale = gram.diagonal(dim1=1, dim2=2).amax(dim=1).clamp_min(least)
     gram = gram + (damping * scale)[:, None, None] * torch.eye(gram.shape[1], dtype=gram.dtype)
     weights = torch.linalg.solve(gram, residual.T[:, :, None])[:, :, 0]
-    return bounded(torch.einsum("ldb,bl->db", jacobian, weights), longest)
+    return limit_step(torch.einsum("ldb,bl->db", jacobian, weights), longest)
 
 
-def bounded(step: Tensor, longest: float) -> Tensor:
+def limit_step(step: Tensor, longest: float) -> Tensor:
     """Steps (3N, B), shortened to those of which no coordinate goes further than `longest`."""
     return step * (longest / step.abs().amax(dim=0).clamp_min(1e-300)).clamp_max(1.0)

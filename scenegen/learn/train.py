@@ -27,7 +27,6 @@ def train(
     spec: Spec,
     model: str = "flow",
     *,
-    recipe: str = "default",
     out: str | Path,
     resume: bool = False,
     log_dir: str | Path | None = None,
@@ -40,16 +39,16 @@ def train(
     phi: Phi | None = None,
     **options: Any,
 ) -> Model:
-    """Train a model of the table (gan, aae, flow, energy) on a spec and write it to `out`.
+    """Train a model of the table (flow, gan, aae, any) on a spec and write it to `out`.
 
-    `recipe` is `default` or, for gan and aae, `paper`: the published networks and settings. `options` are the fields of
-    `scenegen.learn.training.config.TrainConfig`: epochs, batch_size, lr, seed, scenes, data, patience, device, hyper;
-    the recipe's own where they are left out. `phi` says where to train, with ranges as `sample` has them: most of the
-    training scenes lie there. `resume` goes on from the state that an earlier run left in `out`.train, to the same
-    result as one run without a break, or from the scenes that it had gathered, in `out`.scenes. `log_dir` gets
-    TensorBoard event files. `card` writes the model card, `out`.md and `out`.png, when training is done. `on_epoch`
-    gets an EpochReport, `on_step` the steps that are done and planned, `on_note` a Diagnostic with what is worth
-    knowing, `on_gather`, before the first epoch, what is being done and how many of how many training scenes are there.
+    `options` are the fields of `scenegen.learn.training.config.TrainConfig`: epochs, batch_size, lr, seed, scenes,
+    data, patience, device, hyper; the model's defaults where they are left out. `phi` says where to train, with ranges
+    as `sample` has them: most of the training scenes lie there. `resume` goes on from the state that an earlier run
+    left in `out`.train, to the same result as one run without a break, or from the scenes that it had gathered, in
+    `out`.scenes. `log_dir` gets TensorBoard event files. `card` writes the model card, `out`.md and `out`.png, when
+    training is done. `on_epoch` gets an EpochReport, `on_step` the steps that are done and planned, `on_note` a
+    Diagnostic with what is worth knowing, `on_gather`, before the first epoch, what is being done and how many of how
+    many training scenes are there.
 
     A label that no scene satisfies, or that has the same phi in every scene, is refused before any work is done, where
     bounds prove it (unless the scenes come from a file).
@@ -77,7 +76,7 @@ def train(
         """Train the model of a spec that draws no numbers."""
         if time.monotonic() >= until:
             raise RequestError(NO_TIME_TO_CHECK())
-        config = make_config(model, recipe, phi=trained_on(one, phi, on_note), **options)
+        config = make_config(model, phi=trained_on(one, phi, on_note), **options)
         need("torch", "to train a model")
         from scenegen.learn.training.loop import train as run
 
@@ -110,13 +109,13 @@ def train(
         return fit(spec, path, resume, logs)
     if path.suffix.lower() == ".safetensors":
         raise RequestError(FOLDER_OF_MODELS(file=spec.definition.name, path=path, folder=path.with_suffix("")))
-    from scenegen.learn.training.state import begun
+    from scenegen.learn.training.state import can_resume
 
     members: dict[str, Model] = {}
     for numbers, member, file in family_files(spec, path):
         try:
             members[member.checked.sha256] = fit(
-                member, file, resume and begun(file), None if logs is None else logs / file.stem
+                member, file, resume and can_resume(file), None if logs is None else logs / file.stem
             )
         except RequestError as error:
             raise RequestError(*(one.but(counted=numbers_text(numbers)) for one in error.diagnostics)) from None

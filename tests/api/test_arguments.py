@@ -17,7 +17,7 @@ import torch
 import scenegen
 from scenegen.api.monitor import read_trajectories
 from scenegen.errors import DataError, RequestError
-from scenegen.learn.faults import concerned, faults
+from scenegen.learn.faults import faults, relevant_quality
 from scenegen.learn.model import advice
 from scenegen.learn.models.card import LabelData, QualityData, RangeData
 from scenegen.robosuite import Placement
@@ -41,11 +41,11 @@ def test_what_is_left_out_and_what_misses():
 
 def test_a_request_is_judged_by_the_figures_of_its_labels():
     figures = [at(0.5, task=-0.5), at(task=0.0), at(0.6, task=0.1), at(0.1, safe=0.0), at(0.2, task=0.0, safe=0.0)]
-    assert concerned(figures, {"task": (-0.01, 0.05)}) == [figures[1]]
-    assert concerned(figures, {"task": (0.2, 0.3)}) == [figures[2]]  # the nearest
-    assert concerned(figures, {"task": (-1.0, None)}) == figures[:3]
-    assert concerned(figures, {"task": (-0.1, 0.1), "safe": (-0.1, 0.1)}) == [figures[4]]
-    assert concerned(figures, {}) == figures
+    assert relevant_quality(figures, {"task": Range(-0.01, 0.05)}) == [figures[1]]
+    assert relevant_quality(figures, {"task": Range(0.2, 0.3)}) == [figures[2]]  # the nearest
+    assert relevant_quality(figures, {"task": Range(-1.0, None)}) == figures[:3]
+    assert relevant_quality(figures, {"task": Range(-0.1, 0.1), "safe": Range(-0.1, 0.1)}) == [figures[4]]
+    assert relevant_quality(figures, {}) == figures
 
 
 TEXT = """object a = cylinder(0.1, 0.1), b = cylinder(0.1, 0.1)
@@ -333,7 +333,7 @@ def scenes(spec):
 @pytest.fixture(scope="module")
 def model(spec, tmp_path_factory):
     out = tmp_path_factory.mktemp("model") / "m.safetensors"
-    return scenegen.train(spec, "gan", recipe="paper", out=out, epochs=np.int64(1), scenes=200, lr=np.float32(1e-3))
+    return scenegen.train(spec, "gan", data="uniform", out=out, epochs=np.int64(1), scenes=200, lr=np.float32(1e-3))
 
 
 def test_numpys_numbers_are_as_good_as_pythons(spec, tmp_path):
@@ -392,14 +392,14 @@ def test_specs_and_models(model, tmp_path):
 )
 def test_trainings(spec, tmp_path, options, said):
     with pytest.raises(scenegen.RequestError, match=said):
-        scenegen.train(spec, "energy", out=tmp_path / "m.safetensors", **options)
+        scenegen.train(spec, "gan", out=tmp_path / "m.safetensors", **options)
     assert not list(tmp_path.iterdir())
 
 
 def test_data_by_path_and_never_overwritten(spec, tmp_path):
     data = scenegen.sample(spec, n=64).save(tmp_path / "d.json")
     before = data.read_bytes()
-    settings = {"recipe": "paper", "epochs": 1, "data": data}
+    settings = {"epochs": 1, "data": data}
     with pytest.raises(scenegen.OutputError, match="would overwrite what it is made from"):
         scenegen.train(spec, "gan", out=data, **settings)
     made = scenegen.train(spec, "gan", out=tmp_path / "m.safetensors", **settings)

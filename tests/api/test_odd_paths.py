@@ -142,8 +142,8 @@ def test_file_names_that_are_no_text(tmp_path):
     path = os.fsdecode(os.fsencode(tmp_path) + b"/\xff.spec")
     with open(path, "w") as file:  # noqa: PTH123 - not a name to make a Path of
         file.write("leftOf(mug, plate)")
-    settings = {"recipe": "paper", "epochs": 1, "out": tmp_path / "m.safetensors"}
-    made = scenegen.train(scenegen.load(path), "gan", scenes=64, **settings)
+    settings = {"epochs": 1, "out": tmp_path / "m.safetensors"}
+    made = scenegen.train(scenegen.load(path), "gan", data="uniform", scenes=64, **settings)
     assert made.trained.card.spec.name.endswith("/\\udcff.spec")
     data = scenegen.sample(scenegen.load(path), n=20).save(path.replace(".spec", ".json"))
     with pytest.raises(scenegen.RequestError, match="a name in UTF-8"):

@@ -76,7 +76,7 @@ def test_load_and_its_errors(tmp_path):
 
 
 def test_loaded_models_know_their_spec(spec, tmp_path):
-    model = scenegen.train(spec, "gan", recipe="paper", out=tmp_path / "m.safetensors", epochs=1, scenes=64)
+    model = scenegen.train(spec, "gan", data="uniform", out=tmp_path / "m.safetensors", epochs=1, scenes=64)
     again = scenegen.load_model(tmp_path / "m.safetensors", spec)
     assert again.spec.checked.sha256 == spec.checked.sha256 == model.spec.checked.sha256
     assert (again.name, repr(again)) == ("gan", "<Model gan of table.spec, 1 epochs>")

@@ -18,7 +18,7 @@ def model(here):
     """A model file of good.spec, barely trained, with its training state beside it."""
     import scenegen
 
-    scenegen.train(scenegen.load("good.spec"), "gan", recipe="paper", out="m.safetensors", epochs=1, scenes=64)
+    scenegen.train(scenegen.load("good.spec"), "gan", data="uniform", out="m.safetensors", epochs=1, scenes=64)
     return here / "m.safetensors"
 
 

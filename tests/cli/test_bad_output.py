@@ -21,7 +21,7 @@ from tests.cli.conftest import _built
 
 COMMANDS = {
     "sample": ["sample", "good.spec", "-n", "4", "--out"],
-    "train": ["train", "good.spec", "--model", "gan", "--recipe", "paper", "--epochs", "1", "--scenes", "64", "--out"],
+    "train": ["train", "good.spec", "--model", "gan", "--data", "uniform", "--epochs", "1", "--scenes", "64", "--out"],
     "render": ["render", "s.json", "--size", "32x32", "--workers", "1", "--out"],
     "export": ["export", "s.json", "--to", "mjcf", "--out"],
 }

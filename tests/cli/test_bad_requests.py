@@ -64,7 +64,7 @@ def test_an_unknown_model_is_refused_before_anything_is_loaded(here):
     )
     words = ["train", "good.spec", "--model", "diffusion", "--out", "m.safetensors"]
     done = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True, timeout=60)
-    assert done.stdout == "1 []\n" and "`energy`" in done.stderr and "did you mean" not in done.stderr
+    assert done.stdout == "1 []\n" and "`flow`" in done.stderr and "did you mean" not in done.stderr
 
 
 def test_a_format_that_is_not_there(refused, scenegen, here):
@@ -128,7 +128,7 @@ def test_a_flow_in_any_number_of_jumps(scenegen, refused, here):
 
 
 def test_models_without_steps(scenegen, refused, here):
-    trained = ["--model", "gan", "--recipe", "paper", "--epochs", "1", "--scenes", "64", "--no-card", "--out"]
+    trained = ["--model", "gan", "--data", "uniform", "--epochs", "1", "--scenes", "64", "--no-card", "--out"]
     assert scenegen("train", "good.spec", *trained, "m.safetensors").status == 0
     assert "one evaluation of its network" in refused("sample", "m.safetensors", "--steps", "2")
 

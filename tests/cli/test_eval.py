@@ -156,7 +156,7 @@ def test_imports_stay_in_the_folder_unless_told_otherwise(scenegen, here):
     assert "import" not in source and source.startswith("def beside(a, b) = ")
 
 
-TRAIN = ["train", "two.spec", "--model", "gan", "--recipe", "paper", "--epochs", "2", "--scenes", "64"]
+TRAIN = ["train", "two.spec", "--model", "gan", "--data", "uniform", "--epochs", "2", "--scenes", "64"]
 
 
 @pytest.fixture
@@ -179,7 +179,7 @@ def test_as_json(scenegen, model):
     outcome = scenegen("info", "m.safetensors", "--json")
     assert (outcome.status, outcome.err) == (0, "")
     found = json.loads(outcome.out)
-    assert found["objects"] == ["mug", "plate"] and found["model"] == "gan" and found["recipe"] == "paper"
+    assert found["objects"] == ["mug", "plate"] and found["model"] == "gan" and found["recipe"] == "default"
     assert found["bytes"] == model.stat().st_size and found["training"]["seed"] == 3
     assert found["validation"]["epochs"] == found["losses"]["epochs"] == [1, 2]
     assert found["data"]["scenes"] == 64 and found["data"]["held_out"] == 6
@@ -221,7 +221,7 @@ def test_settings_of_the_models_own(scenegen, here):
         "train",
         "good.spec",
         "--model",
-        "energy",
+        "gan",
         "--epochs",
         "1",
         "--scenes",

@@ -216,7 +216,7 @@ def test_a_figure(extended):
 @pytest.mark.slow
 def test_a_model(extended):
     project = extended("A model")
-    run_tests(project, "tests/learn/models/test_contract.py", "-k", "default-plain")
+    run_tests(project, "tests/learn/models/test_contract.py", "-k", "plain")
     run_tests(project, "--regenerate", "tests/cli/test_help.py", "-k", "train")
     run_tests(project, "tests/cli/test_help.py", "-k", "train")
     options = ("--model", "plain", "--epochs", "1", "--scenes", "512", "--hyper", "width=32", "--no-card")

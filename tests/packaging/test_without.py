@@ -61,7 +61,7 @@ PICTURES = [
 ]
 LARGE = ["sample my.spec -n 1 --render drawn --out drawn.json", "render s.json --out pictures"]
 MODELS = [
-    "train my.spec --model energy --out m.safetensors",
+    "train my.spec --model flow --out m.safetensors",
     "sample m.safetensors -n 1",
     "info m.safetensors",
 ]

@@ -40,13 +40,13 @@ if TYPE_CHECKING:
 # Time is counted in seconds of CPU: how busy a machine is does not decide what is measured.
 
 
-SCENES = 1000  # of each half
-CURVE = 1500  # scenes of a calibration curve
+HALF_SCENES = 1000  # of each half
+CURVE_SCENES = 1500  # scenes of a calibration curve
 BAND = 0.0125  # half the width of a band: the paper's tolerance, less where a label's range is small
-NARROW = 0.02  # of the label's range
+BAND_SHARE = 0.02  # of the label's range
 HALF = 0.6  # of ALL, at most, for what `sample` returns
-SEED = 20_231_001  # of the truth and of the model's noise
-LABELS = 8  # that are measured one by one; a spec may have thousands
+TRUTH_SEED = 20_231_001  # of the truth and of the model's noise
+MAX_MEASURED_LABELS = 8  # that are measured one by one; a spec may have thousands
 PATIENCE, ALL = 6.0, 40.0  # seconds of CPU for the truth of one band, and of all: what takes longer is left out
 
 
@@ -122,7 +122,7 @@ class CpuBudget(Budget):
     def overdrawn(self) -> bool:
         return self.spent if self.firm else time.monotonic() >= self.ends + GRACE_SECONDS
 
-    def some(self, seconds: float) -> CpuBudget:
+    def portion(self, seconds: float) -> CpuBudget:
         """A part of what is left."""
         left = self.allowed - (time.process_time() - self.began)
         return CpuBudget(self.seconds, self.started, allowed=max(0.0, min(seconds, left)))
@@ -137,19 +137,19 @@ def measure(model: Model, seconds: float = ALL) -> EvaluationResult:
     curves: list[Curve] = []
     missing: list[str] = []
     reaches: list[RangeFidelity] = []
-    first = budget.some(HALF * budget.allowed)
+    first = budget.portion(HALF * budget.allowed)
     for ends in asked_for(model):
         try:
-            reaches.append(reached(model, ends, first.some(2.0 * PATIENCE)))
+            reaches.append(measure_range(model, ends, first.portion(2.0 * PATIENCE)))
         except (RequestError, StoppedError):
             missing.append(", ".join(f"{label} {one}" for label, one in ends.items()))
-    ranges = dict(list(model.trained.label_ranges.items())[:LABELS])
+    ranges = dict(list(model.trained.label_ranges.items())[:MAX_MEASURED_LABELS])
     names = list(ranges)
 
     def look(wanted: Mapping[str, float]) -> Array | None:
         """The phi of true scenes there, (L, n)."""
         try:
-            rows, phi = _truth(model, _bands(wanted, ranges), 2 * SCENES, budget.some(PATIENCE))
+            rows, phi = _truth(model, _bands(wanted, ranges), 2 * HALF_SCENES, budget.portion(PATIENCE))
         except (RequestError, StoppedError):
             missing.append("near " + ", ".join(f"{label} {value:.4g}" for label, value in wanted.items()))
             return None
@@ -163,11 +163,11 @@ def measure(model: Model, seconds: float = ALL) -> EvaluationResult:
                 other = names[index + 1]
                 look({label: value, other: float(np.median(phi[model.spec.labels.index(other)]))})
         try:
-            _, phi = _truth(model, {label: Range(low, high)}, CURVE, budget.some(PATIENCE))
+            _, phi = _truth(model, {label: Range(low, high)}, CURVE_SCENES, budget.portion(PATIENCE))
         except (RequestError, StoppedError):
             missing.append(f"{label} over its range")
             continue
-        curves.append(Curve(label, phi[index], _reached(model, _made(model.trained, phi, [label]))[label]))
+        curves.append(Curve(label, phi[index], _score_rows(model, _propose_scenes(model.trained, phi, [label]))[label]))
     return EvaluationResult(tuple(levels), tuple(curves), tuple(missing), tuple(reaches))
 
 
@@ -179,19 +179,19 @@ def level(model: Model, wanted: Mapping[str, float], rows: Array, phi: Array) ->
     half = rows.shape[1] // 2
     true, fresh, asked = rows[:, :half], rows[:, half:], phi[:, half:]
     depends = depends_on(model.spec.checked.core)
-    made = _made(model.trained, asked, list(wanted))
-    error, required = _off(model, made, asked, wanted)
+    made = _propose_scenes(model.trained, asked, list(wanted))
+    error, required = _error_and_share(model, made, asked, wanted)
     alone = None
     if model.trained.correction is not None:
-        alone = _off(model, _made(model.trained.network, asked, list(wanted)), asked, wanted)
+        alone = _error_and_share(model, _propose_scenes(model.trained.network, asked, list(wanted)), asked, wanted)
     return TargetFidelity(
         dict(wanted), error, fidelity(true, made, depends), fidelity(true, fresh, depends), required, alone
     )
 
 
-def _off(model: Model, rows: Array, asked: Array, wanted: Mapping[str, float]) -> tuple[float, float]:
+def _error_and_share(model: Model, rows: Array, asked: Array, wanted: Mapping[str, float]) -> tuple[float, float]:
     """The error of phi of scenes (3N, n), and the share that meets what is required."""
-    reached = _reached(model, rows)
+    reached = _score_rows(model, rows)
     errors = [float(np.abs(reached[name] - asked[model.spec.labels.index(name)]).mean()) for name in wanted]
     return max(errors), float((reached[REQUIRE] >= 0.0).mean()) if REQUIRE in reached else 1.0
 
@@ -200,7 +200,7 @@ def _bands(wanted: Mapping[str, float], ranges: Mapping[str, tuple[float, float]
     found = {}
     for label, value in wanted.items():
         low, high = ranges[label]
-        half = min(BAND, NARROW * (high - low))
+        half = min(BAND, BAND_SHARE * (high - low))
         if low < 0.0 < high and abs(value) <= high:  # narrow beside what is satisfied, however little that is
             half = min(half, high / 6.0)
         found[label] = Range(max(low, value - half), min(high, value + half))
@@ -216,19 +216,19 @@ def asked_for(model: Model) -> list[dict[str, Range]]:
     both = {label: ends for label, ends in model.trained.label_ranges.items() if ends[0] < 0.0 < ends[1]}
     if 1 < len(both) == len(model.spec.labels):
         found.append(dict.fromkeys(both, Range(0.0, None)))
-    for label, (low, high) in list(both.items())[:LABELS]:
+    for label, (low, high) in list(both.items())[:MAX_MEASURED_LABELS]:
         found += [{label: Range(0.0, None)}, {label: Range(max(low, -high), 0.0)}]
     return [ends for place, ends in enumerate(found) if ends not in found[:place]]
 
 
-def reached(model: Model, ends: Mapping[str, Range], budget: Budget) -> RangeFidelity:
+def measure_range(model: Model, ends: Mapping[str, Range], budget: Budget) -> RangeFidelity:
     """How the scenes compare that `sample` returns as they occur in these ranges. Raises RequestError and StoppedError
     where there is no truth, or no scene of the model, within the budget."""
     from scenegen.learn.models.card import depends_on
 
-    rows, phi = _truth(model, ends, 2 * SCENES, budget)
-    request = SampleRequest(dict(ends), SCENES, SEED, spread="base", workers=1)
-    made, told = returned(model, request, budget)
+    rows, phi = _truth(model, ends, 2 * HALF_SCENES, budget)
+    request = SampleRequest(dict(ends), HALF_SCENES, TRUTH_SEED, spread="base", workers=1)
+    made, told = sample_model(model, request, budget)
     half = rows.shape[1] // 2
     depends = depends_on(model.spec.checked.core)
     off = [ks_distance(phi[place], told[place]) for place in map(model.spec.labels.index, ends)]
@@ -236,7 +236,7 @@ def reached(model: Model, ends: Mapping[str, Range], budget: Budget) -> RangeFid
     return RangeFidelity(dict(ends), max(off), fidelity(true, made[:, :half], depends), fidelity(true, fresh, depends))
 
 
-def returned(model: Model, request: SampleRequest, budget: Budget) -> tuple[Array, Array]:
+def sample_model(model: Model, request: SampleRequest, budget: Budget) -> tuple[Array, Array]:
     """The scenes (3N, n) that a model gives for a request, and their phi (L, n). Raises RequestError."""
     from scenegen.learn.guided import make_plan
     from scenegen.sampling.engine.run import in_memory
@@ -262,25 +262,25 @@ def _truth(model: Model, ranges: Mapping[str, Range], count: int, budget: Budget
     scenes, never what is measured there."""
     from scenegen.sampling.engine.run import draw
 
-    request = SampleRequest(dict(ranges), count, SEED, spread="base" if count > CURVE else "flat")
+    request = SampleRequest(dict(ranges), count, TRUTH_SEED, spread="base" if count > CURVE_SCENES else "flat")
     found = draw(make_problem(model.spec.checked, request, budget), budget)
     if found.shortfall is not None and 2 * found.count < count:
         raise RequestError(found.shortfall)
-    order = np.random.default_rng(SEED).permutation(found.count)
+    order = np.random.default_rng(TRUTH_SEED).permutation(found.count)
     return found.rows[:, order], found.phi[:, order]
 
 
-def _made(trained: TrainedModel, phi: Array, labels: list[str]) -> Array:
+def _propose_scenes(trained: TrainedModel, phi: Array, labels: list[str]) -> Array:
     """The model's scenes (3N, n) for the phi (L, n) of some labels; a model that cannot leave labels free gets all."""
     import torch
 
-    generator = torch.Generator().manual_seed(SEED)
-    wanted = trained.asked(torch.from_numpy(phi).to(torch.float32), labels)
+    generator = torch.Generator().manual_seed(TRUTH_SEED)
+    wanted = trained.with_free_labels(torch.from_numpy(phi).to(torch.float32), labels)
     rows: Array = trained.propose(wanted, generator).double().numpy()
     return rows
 
 
-def _reached(model: Model, rows: Array) -> dict[str, Array]:
+def _score_rows(model: Model, rows: Array) -> dict[str, Array]:
     """phi (n,) of scenes by the exact spec, of each label and of what is required."""
     from scenegen.geometry import NUMPY
     from scenegen.lang.formula.interpret import phi as score
@@ -395,11 +395,11 @@ def _figures(measured: EvaluationResult, labels: int) -> list[str]:
     if not measured.levels and not measured.ranges:
         return ["No exact scenes were found to compare with.", *_missing(measured)]
     lines = [f"**Warning:** {fault.title}." for fault in faults(quality(measured), ranges(measured))]
-    lines += [*([""] if lines else []), *_returned(measured)]
+    lines += [*([""] if lines else []), *_range_lines(measured)]
     if measured.levels:
-        lines += [*([""] if lines else []), *_raw(measured)]
-    if labels > LABELS:
-        lines += ["", f"The first {LABELS} of {labels} labels were measured."]
+        lines += [*([""] if lines else []), *_target_lines(measured)]
+    if labels > MAX_MEASURED_LABELS:
+        lines += ["", f"The first {MAX_MEASURED_LABELS} of {labels} labels were measured."]
     return [*lines, *_missing(measured)]
 
 
@@ -410,11 +410,12 @@ def _missing(measured: EvaluationResult) -> list[str]:
     return ["", f"Not measured, since the exact samplers found too few scenes there in seconds: {missing}."]
 
 
-def _returned(measured: EvaluationResult) -> list[str]:
+def _range_lines(measured: EvaluationResult) -> list[str]:
     if not measured.ranges:
         return []
     lines = [
-        f"What `scenegen sample` returns for ranges of phi, as it occurs there, against up to {SCENES:,} exact scenes:",
+        "What `scenegen sample` returns for ranges of phi, as it occurs there, against up to "
+        f"{HALF_SCENES:,} exact scenes:",
         "the KS distance of phi, the share of the exact scenes that are covered, the KS distance of the worst",
         "coordinate and of the worst direction, and the energy distance; in brackets what other exact scenes score.",
         "",
@@ -430,10 +431,11 @@ def _returned(measured: EvaluationResult) -> list[str]:
     return lines
 
 
-def _raw(measured: EvaluationResult) -> list[str]:
+def _target_lines(measured: EvaluationResult) -> list[str]:
     corrected = measured.levels[0].alone is not None
     lines = [
-        f"The model's raw scenes against {SCENES:,} fresh exact scenes around each value of phi, in the coordinates",
+        f"The model's raw scenes against {HALF_SCENES:,} fresh exact scenes around each value of phi, in the "
+        "coordinates",
         "that phi depends on: the mean of |phi - target phi|, the share of the exact scenes that are covered, the KS",
         "distance of the worst coordinate, and of the worst direction, sum, difference or product of coordinates",
         "(sliced), the energy distance, and the share of the scenes that meet what the spec requires; in brackets what",

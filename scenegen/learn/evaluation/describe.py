@@ -14,25 +14,25 @@ if TYPE_CHECKING:
 # What a model file is.
 
 
-SHOWN = 12  # maximum number of objects and labels that are listed
-TRIED = 8192  # scenes for measuring the speed
-DATA = {"balanced": "exact scenes, flat in phi", "uniform": "uniform scenes", "boosted": "uniform scenes, boosted"}
-TOLD = ("model", "recipe", "data", "scenes", "epochs", "hyper", "phi")  # training settings that are shown elsewhere
+MAX_LISTED = 12  # maximum number of objects and labels that are listed
+TIMED_SCENES = 8192  # scenes for measuring the speed
+DATA = {"balanced": "exact scenes, flat in phi", "uniform": "uniform scenes"}
+SHOWN_ELSEWHERE = ("model", "recipe", "data", "scenes", "epochs", "hyper", "phi")  # training settings
 
 
 def describe(model: Model, path: Path) -> list[tuple[str, str]]:
     """(what, value) pairs of a model whose file is `path`. Nothing in them depends on the machine."""
     card = model.trained.card
     facts = [
-        ("model", f"{card.model}, recipe {card.recipe}{_settings(card.hyper)}"),
+        ("model", f"{card.model}{_settings(card.hyper)}"),
         ("file", f"{path.stat().st_size:,} bytes, {weights(model):,} weights"),
         ("spec", f"{Path(card.spec.name).name} (SHA-256 {card.spec.sha256[:12]})"),
-        ("objects", _some(card.objects)),
+        ("objects", _name_list(card.objects)),
     ]
-    for label in card.labels[:SHOWN]:
+    for label in card.labels[:MAX_LISTED]:
         facts.append((f"phi of {label.name}", f"trained on {label.lowest:.4g} .. {label.highest:.4g}"))
-    if len(card.labels) > SHOWN:
-        facts.append(("labels", f"{len(card.labels) - SHOWN} more"))
+    if len(card.labels) > MAX_LISTED:
+        facts.append(("labels", f"{len(card.labels) - MAX_LISTED} more"))
     training = card.training
     name = str(training.get("data", ""))
     scenes = card.data.scenes if card.data is not None else training.get("scenes")
@@ -42,7 +42,7 @@ def describe(model: Model, path: Path) -> list[tuple[str, str]]:
     where = training.get("phi")
     if isinstance(where, dict) and where:
         facts.append(("trained at", "most scenes at " + ", ".join(f"{label}={one}" for label, one in where.items())))
-    rest = {key: value for key, value in training.items() if key not in TOLD and value is not None}
+    rest = {key: value for key, value in training.items() if key not in SHOWN_ELSEWHERE and value is not None}
     kept = "" if card.kept_epoch is None else f", epoch {card.kept_epoch} kept"
     facts.append(("training", f"{card.epochs_done} of {training.get('epochs')} epochs{kept}{_settings(rest)}"))
     last = {name: means[-1] for name, means in card.losses.means.items() if means}
@@ -50,7 +50,7 @@ def describe(model: Model, path: Path) -> list[tuple[str, str]]:
         facts.append(("losses", ", ".join(f"{name} {value:.4g}" for name, value in last.items())))
     errors = held_out(model)
     if errors:
-        shown = ", ".join(f"{name} {value:.4g}" for name, value in list(errors.items())[:SHOWN])
+        shown = ", ".join(f"{name} {value:.4g}" for name, value in list(errors.items())[:MAX_LISTED])
         facts.append(("held-out phi", f"off by {shown} on average"))
     return facts
 
@@ -81,14 +81,14 @@ def speed(model: Model) -> float:
     from scenegen.processes.pool import one_thread
 
     middle = torch.tensor([0.5 * (low + high) for low, high in model.trained.label_ranges.values()])
-    wanted, generator = middle[:, None].expand(-1, TRIED), torch.Generator().manual_seed(0)
+    wanted, generator = middle[:, None].expand(-1, TIMED_SCENES), torch.Generator().manual_seed(0)
     took = []
     with one_thread():
         for _ in range(3):
             began = time.perf_counter()
             model.trained.propose(wanted, generator)
             took.append(time.perf_counter() - began)
-    return TRIED / min(took)
+    return TIMED_SCENES / min(took)
 
 
 def as_json(model: Model, path: Path) -> dict[str, Any]:
@@ -108,6 +108,10 @@ def _settings(values: Any) -> str:
     )
 
 
-def _some(names: list[str]) -> str:
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return f"{quoted(names[:SHOWN])}{more}" if not more else ", ".join(f"`{name}`" for name in names[:SHOWN]) + more
+def _name_list(names: list[str]) -> str:
+    more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
+    return (
+        f"{quoted(names[:MAX_LISTED])}{more}"
+        if not more
+        else ", ".join(f"`{name}`" for name in names[:MAX_LISTED]) + more
+    )

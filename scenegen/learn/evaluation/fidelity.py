@@ -34,7 +34,7 @@ from scenegen.scenes.coverage import NEIGHBOURS, checked_pair, covered_share, fe
 
 Single = npt.NDArray[np.float32]
 
-NARROWEST = 1e-6  # metres, standard deviation
+MIN_WHITENED_SPREAD = 1e-6  # metres, standard deviation
 _BLOCK = 1024  # side of the square of distances held at a time: 4 MB
 _RANK = 1e-13  # variances below this share of the greatest are rounding
 
@@ -46,7 +46,7 @@ def energy_distance(a: Array, b: Array) -> float:
     n, m = len(a), len(b)
     labels = np.zeros((n + m, 1), dtype=np.float32)
     labels[:n] = 1.0
-    points = whitened(np.concatenate([a, b]))
+    points = whiten(np.concatenate([a, b]))
     if not points.shape[1]:
         return 0.0
     c = float(np.sqrt(2.0 * (points * points).sum(axis=1).mean(dtype=np.float64)))
@@ -57,11 +57,11 @@ def energy_distance(a: Array, b: Array) -> float:
     return float(2.0 * across / (n * m) - sum(near))
 
 
-def whitened(points: Array) -> Single:
+def whiten(points: Array) -> Single:
     """Points (B, D) in the axes of their covariance, each of unit variance; (B, D') without the narrow ones."""
     points = points - points.mean(axis=0)
     variances, axes = np.linalg.eigh(points.T @ points / len(points))
-    kept = variances > max(NARROWEST**2, _RANK * variances.max())
+    kept = variances > max(MIN_WHITENED_SPREAD**2, _RANK * variances.max())
     white: Single = (points @ (axes[:, kept] / np.sqrt(variances[kept]))).astype(np.float32)
     return white
 
@@ -117,8 +117,8 @@ def deviations(a: Array, b: Array) -> tuple[float, float]:
     return max(0.0, float(at_a.max())), max(0.0, float(at_b.max()))
 
 
-SLICES = 64  # random directions, and pairs of coordinates, at most
-SEED = 20_261_122  # of the directions and pairs: the same for every set of the same coordinates
+MAX_SLICES = 64  # random directions, and pairs of coordinates, at most
+SLICE_SEED = 20_261_122  # of the directions and pairs: the same for every set of the same coordinates
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +149,7 @@ def fidelity(reference: npt.ArrayLike, generated: npt.ArrayLike, depends: Sequen
 
 def sliced_distance(truth: Array, made: Array) -> float:
     """The largest Kolmogorov-Smirnov distance between points (R, D) and (G, D) along directions and in products."""
-    random = np.random.default_rng(SEED)
+    random = np.random.default_rng(SLICE_SEED)
     centre, spread = truth.mean(axis=0), truth.std(axis=0)
     moving = spread > 1e-9
     first, second = ((points[:, moving] - centre[moving]) / spread[moving] for points in (truth, made))
@@ -157,17 +157,17 @@ def sliced_distance(truth: Array, made: Array) -> float:
     if width < 2:
         return 0.0
     pairs = np.argwhere(np.triu(np.ones((width, width)), 1))
-    pairs = pairs[random.permutation(len(pairs))[:SLICES]]
-    directions = random.normal(size=(width, SLICES))
+    pairs = pairs[random.permutation(len(pairs))[:MAX_SLICES]]
+    directions = random.normal(size=(width, MAX_SLICES))
     worst, scale = 0.0, spread[moving]
     for pair in pairs:
-        one, other = (np.stack(list(_joined(points[:, pair], scale[pair]))) for points in (first, second))
+        one, other = (np.stack(list(_combine_pair(points[:, pair], scale[pair]))) for points in (first, second))
         worst = max(worst, *(ks_distance(*both) for both in zip(one, other, strict=True)))
     left, right = first @ directions, second @ directions
-    return max(worst, *(ks_distance(left[:, k], right[:, k]) for k in range(SLICES)))
+    return max(worst, *(ks_distance(left[:, k], right[:, k]) for k in range(MAX_SLICES)))
 
 
-def _joined(two: Array, scale: Array) -> Iterator[Array]:
+def _combine_pair(two: Array, scale: Array) -> Iterator[Array]:
     """Product, difference and sum of two standardised coordinates (B, 2), the latter two in metres."""
     yield two[:, 0] * two[:, 1]
     yield two[:, 0] * scale[0] - two[:, 1] * scale[1]

@@ -1,2 +1,1 @@
-"""Learned samplers: energy-score generator, flow, GAN and AAE, the published networks, and model files. `table` lists
-them and imports no torch."""
+"""Learned samplers: flow, GAN, AAE, the model of any spec; and model files. `registry` lists them, without torch."""

@@ -128,8 +128,10 @@ class SceneModel(nn.Module, ABC):
     hyper_class: ClassVar[type[Hyper]]
     before: ClassVar[Mapping[str, float]] = {}
     """Settings that files of earlier versions do not name, as they were then."""
-    branched: ClassVar[bool] = False
-    """Whether the model wants its layout read off the spec, and examples sorted into branches."""
+    corrected: ClassVar[bool] = True
+    """Whether the last step of its scenes is the spec's (scenegen.learn.models.correction)."""
+    constant_rate: ClassVar[bool] = False
+    """Whether its learning rate stays what it was at first."""
     thorough: ClassVar[bool] = False
     """Whether its scenes get more of the correction's random moves."""
     TRAINING_ONLY: ClassVar[tuple[str, ...]] = ()

@@ -23,9 +23,8 @@ class Layout(BaseModel):
 
     `positions` and `angles` are the rows of (3N, B) storage on which phi or the requirement depends. All other rows
     are free: the base distribution has them uniform whatever phi is, so nothing about them is to be learnt. `branches`
-    counts the ways in which phi is decided (scenegen.learn.models.codec). The published networks know neither and take
-    every row: they have no positions, no angles and one branch. `partial`: phi of some labels can be left out of the
-    network's input, which then says which.
+    counts the ways in which phi is decided (scenegen.learn.models.codec). `partial`: phi of some labels can be left out
+    of the network's input, which then says which.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -50,7 +49,7 @@ class Layout(BaseModel):
         return len(self.positions) + 2 * len(self.angles)
 
     @property
-    def told(self) -> int:
+    def condition_size(self) -> int:
         """Inputs of a network for the labels: two for each, three where a label may be left out."""
         return (3 if self.partial else 2) * self.labels
 
@@ -81,7 +80,7 @@ def depends_on(core: Core) -> list[int]:
 # The card.
 
 
-FORMAT = "scenegen/model"
+MODEL_FORMAT = "scenegen/model"
 
 Name = Annotated[str, Field(min_length=1, max_length=1000)]
 Setting = bool | int | FiniteFloat | str | None
@@ -170,7 +169,8 @@ class ModelCard(_StrictCardModel):
     `corrected`: the last step of a scene is the spec's (scenegen.learn.models.correction). `quality` is
     empty until the model has been measured, and `ranges` is None; files of earlier versions have no `ranges`.
 
-    Files of version 0.1 name no recipe, no layout, no data and no validation: their networks are the published ones.
+    `recipe` is `default`. Earlier versions had others, whose networks have names of their own now, and files of version
+    0.1 name no recipe, no layout, no data and no validation.
     """
 
     scenegen: str

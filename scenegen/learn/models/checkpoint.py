@@ -32,7 +32,7 @@ from scenegen.geometry.workspace import Workspace
 from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.base import SceneModel
-from scenegen.learn.models.card import FORMAT, ModelCard
+from scenegen.learn.models.card import MODEL_FORMAT, ModelCard
 from scenegen.learn.models.codec import Codec
 from scenegen.learn.models.correction import Correction, McmcMoves
 from scenegen.learn.models.registry import model_class
@@ -47,10 +47,10 @@ from scenegen.validation import as_int
 # unpickled, and nothing larger than the file itself is allocated.
 
 
-KEY = "scenegen"  # the one entry of safetensors' metadata; a single entry keeps the file's bytes reproducible
+METADATA_KEY = "scenegen"  # the one entry of safetensors' metadata; a single entry keeps the file's bytes reproducible
 Card = TypeVar("Card", bound=BaseModel)
 
-LIMIT = 512 * 2**20  # bytes of a file that is read at all
+MAX_FILE_BYTES = 512 * 2**20  # bytes of a file that is read at all
 _TYPES = {torch.float32, torch.float64, torch.int64, torch.uint8}
 
 
@@ -67,7 +67,7 @@ def pack(format_name: str, card: str, tensors: Mapping[str, Tensor]) -> bytes:
     """The bytes of a file. The same card and tensors give the same bytes."""
     cpu = {name: tensor.detach().cpu().contiguous() for name, tensor in sorted(tensors.items())}
     envelope = _Envelope(format=format_name, version=1, sha256=_digest(card, cpu), card=card)
-    return safetensors.torch.save(cpu, {KEY: envelope.model_dump_json()})
+    return safetensors.torch.save(cpu, {METADATA_KEY: envelope.model_dump_json()})
 
 
 def unpack(path: Path, format_name: str, what: str, data: bytes | None = None) -> tuple[str, dict[str, Tensor]]:
@@ -76,7 +76,7 @@ def unpack(path: Path, format_name: str, what: str, data: bytes | None = None) -
 
     Raises DataError for a file that is missing, damaged, not of this format or of another version of it.
     """
-    data = read_bytes(path, what, limit=LIMIT) if data is None else data
+    data = read_bytes(path, what, limit=MAX_FILE_BYTES) if data is None else data
     text = _metadata(data, path, what)
     _check_format(text, path, format_name, what)
     try:
@@ -85,9 +85,9 @@ def unpack(path: Path, format_name: str, what: str, data: bytes | None = None) -
         intact = all(tensor.dtype in _TYPES for tensor in tensors.values())
         intact = intact and _digest(envelope.card, tensors) == envelope.sha256
     except Exception as error:  # whatever a parser says to a hostile file, the answer is the same
-        raise _damaged(path, what) from error
+        raise _damage_error(path, what) from error
     if not intact:
-        raise _damaged(path, what)
+        raise _damage_error(path, what)
     return envelope.card, tensors
 
 
@@ -97,13 +97,13 @@ def _metadata(data: bytes, path: Path, what: str) -> str:
     length = int.from_bytes(data[:8], "little")
     if len(data) < 10 or length > len(data) - 8 or data[8:9] != b"{":
         # The start of one of ours, cut short, is damage rather than a foreign file.
-        raise _damaged(path, what) if f'"{KEY}"'.encode() in data[8:64] else DataError(foreign)
+        raise _damage_error(path, what) if f'"{METADATA_KEY}"'.encode() in data[8:64] else DataError(foreign)
     try:
         header: Any = from_json(data[8 : 8 + length])
     except ValueError as error:
         raise DataError(foreign) from error
     extra = header.get("__metadata__") if isinstance(header, dict) else None
-    text = extra.get(KEY) if isinstance(extra, dict) else None
+    text = extra.get(METADATA_KEY) if isinstance(extra, dict) else None
     if not isinstance(text, str):
         raise DataError(foreign)
     return text
@@ -113,7 +113,7 @@ def _check_format(text: str, path: Path, format_name: str, what: str) -> None:
     try:
         envelope: Any = from_json(text)
     except ValueError as error:
-        raise _damaged(path, what) from error
+        raise _damage_error(path, what) from error
     if not isinstance(envelope, dict) or envelope.get("format") != format_name:
         raise DataError(NOT_A_MODEL(path=path, what=what))
     version = envelope.get("version")
@@ -131,7 +131,7 @@ def read_card(kind: type[Card], text: str, path: Path, what: str) -> Card:
         raise DataError(DAMAGED_MODEL(path=path, what=what, reason=f"{place}: {first['msg'].lower()}")) from error
 
 
-def _damaged(path: Path, what: str) -> DataError:
+def _damage_error(path: Path, what: str) -> DataError:
     return DataError(DAMAGED_MODEL(path=path, what=what))
 
 
@@ -143,7 +143,7 @@ def _digest(card: str, tensors: Mapping[str, Tensor]) -> str:
     return digest.hexdigest()
 
 
-WHAT = "a model file"
+MODEL_FILE = "a model file"
 
 
 REGION = "region."  # begins the names of tensors that are no weights: how phi is distributed
@@ -162,14 +162,14 @@ def tensors_of(
     return {**(weights or model.sampler_state()), **kept}
 
 
-def packed(model: SceneModel, card: ModelCard, regions: Sequence[Array] = ()) -> bytes:
+def pack_model(model: SceneModel, card: ModelCard, regions: Sequence[Array] = ()) -> bytes:
     """The bytes of a model file."""
-    return pack(FORMAT, card.model_dump_json(), tensors_of(model, regions))
+    return pack(MODEL_FORMAT, card.model_dump_json(), tensors_of(model, regions))
 
 
 def save_model(path: Path, model: SceneModel, card: ModelCard, regions: Sequence[Array] = ()) -> None:
     """Write a model file, whole or not at all. The same model and card give the same bytes. Raises OutputError."""
-    write_whole(path, packed(model, card, regions))
+    write_whole(path, pack_model(model, card, regions))
 
 
 def load_model(
@@ -180,8 +180,8 @@ def load_model(
     Raises DataError for a file that is missing, damaged, not a model, of another version, whose weights do not fit what
     it says of itself or are not finite, that contradicts itself, or that was trained on another spec.
     """
-    text, tensors = unpack(path, FORMAT, WHAT, data)
-    card = read_card(ModelCard, text, path, WHAT)
+    text, tensors = unpack(path, MODEL_FORMAT, MODEL_FILE, data)
+    card = read_card(ModelCard, text, path, MODEL_FILE)
     if spec is not None:
         check_spec(card, spec, path)
     return as_trained(card, tensors, path, device)
@@ -192,7 +192,7 @@ def as_trained(
 ) -> TrainedModel:
     """The model of a file's card and tensors. Raises DataError as `load_model` does, and what `stop` raises."""
     try:
-        kind = model_class(card.model, card.recipe)
+        kind = model_class(card.model if card.recipe == "default" else f"{card.recipe}-{card.model}")
         # Made on the meta device: sizes that the card merely claims cost nothing until the weights have shown them.
         hyper = card.hyper if card.corrected else {**kind.before, **card.hyper}
         model = kind(card.sizes, kind.hyper_class.model_validate(hyper))
@@ -258,13 +258,13 @@ LEAST_MOVES, MOST_MOVES, EACH = (
     256,
     2,
 )  # moves within the range that was asked for: so many for each node of the formula
-BATCH = 2048  # scenes that a network makes at a time: its layers stay in cache
+SAMPLED_AT_ONCE = 2048  # scenes that a network makes at a time: its layers stay in cache
 
 
 @dataclass(frozen=True, eq=False)
 class TrainedModel:
     """A network with the model file's metadata and the spec that it was trained on, which the file holds. `correction`
-    belongs to the models of the default recipe. `regions` say how phi is distributed: each is (L, 2 + m), the lowest
+    is the last step of a scene. `regions` say how phi is distributed: each is (L, 2 + m), the lowest
     and the highest phi of a part of all scenes, infinite where it has no end, and the phi of m scenes as they occur
     there. Files of earlier versions have none.
 
@@ -280,7 +280,7 @@ class TrainedModel:
     only: tuple[str, ...] = ()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _unpickled, (self.name, self.data, self.steps, self.only)
+        return _unpickle, (self.name, self.data, self.steps, self.only)
 
     @cached_property
     def codec(self) -> Codec:
@@ -290,7 +290,7 @@ class TrainedModel:
     @cached_property
     def data(self) -> bytes:
         """The model file."""
-        return packed(self.model, self.card, self.regions)
+        return pack_model(self.model, self.card, self.regions)
 
     @property
     def digest(self) -> str:
@@ -343,7 +343,7 @@ class TrainedModel:
         """Whether labels can be left free."""
         return self.card.sizes.partial
 
-    def asked(self, phi: Tensor, labels: Collection[str]) -> Tensor:
+    def with_free_labels(self, phi: Tensor, labels: Collection[str]) -> Tensor:
         """Wanted phi (L, n) with all other labels left free, as far as the model can do that."""
         free = [place for place, label in enumerate(self.labels) if label not in labels]
         if not self.partial or len(free) == len(self.labels):
@@ -355,14 +355,14 @@ class TrainedModel:
         """The network alone."""
         return replace(self, correction=None)
 
-    def _made(
+    def _sample_network(
         self, phi: Tensor, generator: torch.Generator, branch: Tensor | None, stop: Stop
     ) -> tuple[Tensor, Tensor | None]:
         """Scenes (3N, n), and the branches (n,) that they were made in, where the model has any: those that are given,
         or drawn."""
         alike = phi[:, :1].expand_as(phi) if phi.shape[1] > 1 and bool(_same(phi, phi[:, :1]).all()) else phi
-        parts = torch.split(alike, BATCH, dim=1)
-        given = [None] * len(parts) if branch is None else torch.split(branch, BATCH)
+        parts = torch.split(alike, SAMPLED_AT_ONCE, dim=1)
+        given = [None] * len(parts) if branch is None else torch.split(branch, SAMPLED_AT_ONCE)
         found = [
             self.model.sample_in(part.shape[1], part.T, generator, mine, stop)
             for part, mine in zip(parts, given, strict=True)
@@ -387,7 +387,11 @@ class TrainedModel:
             raise DataError(ARRAY_NOT_FINITE(what=f"phi for a {self.name} that has to be told every label"))
         phi = phi.to(torch.float32)
         correction = self.correction
-        rows = correction(self._made, phi, generator, stop) if correction else self._made(phi, generator, None, stop)[0]
+        rows = (
+            correction(self._sample_network, phi, generator, stop)
+            if correction
+            else self._sample_network(phi, generator, None, stop)[0]
+        )
         if not bool(torch.isfinite(rows.sum())):
             remedy = "the model file is damaged; train it again"
             raise DataError(ARRAY_NOT_FINITE(what="the model's output", remedy=remedy))
@@ -404,12 +408,12 @@ class TrainedModel:
         old, low, high = (one.to(torch.float32) for one in (rows, *ends))
         moves = max(LEAST_MOVES, min(MOST_MOVES, EACH * len(self.spec.core.nodes)))
         random = torch.Generator().manual_seed(seed)
-        new = walk.within(old, (low, high), random, moves if walk.moving else 0, fit=True, stop=stop)
+        new = walk.move_within(old, (low, high), random, moves if walk.moving else 0, fit=True, stop=stop)
         return torch.where(new == old, rows, new.to(rows.dtype))
 
     def __call__(self, phi: Tensor, generator: torch.Generator, stop: Stop = NEVER) -> Tensor:
         """See scenegen.sampling.proposer."""
-        return self.propose(self.asked(phi[: len(self.card.labels)], self.only), generator, stop)
+        return self.propose(self.with_free_labels(phi[: len(self.card.labels)], self.only), generator, stop)
 
 
 def _same(a: Tensor, b: Tensor) -> Tensor:
@@ -417,6 +421,6 @@ def _same(a: Tensor, b: Tensor) -> Tensor:
 
 
 @lru_cache(maxsize=2)  # of a process: it reads a plan again for every piece
-def _unpickled(name: str, data: bytes, steps: int | None, only: tuple[str, ...]) -> TrainedModel:
+def _unpickle(name: str, data: bytes, steps: int | None, only: tuple[str, ...]) -> TrainedModel:
     found = replace(load_model(Path(f"the {name}"), data=data), only=only)
     return found if steps is None else found.in_steps(steps)

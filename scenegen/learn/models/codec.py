@@ -17,7 +17,7 @@ from torch import Tensor
 
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.spec import CheckedSpec
-from scenegen.learn.robustness.deciding import deciding
+from scenegen.learn.robustness.deciding import deciding_atoms
 from scenegen.pose import LENGTHS, THETA, TWO_PI, X, along, row_of
 
 
@@ -42,7 +42,7 @@ class Codec:
                 torch.sub(part, low, out=share)
                 share /= high - low
         turns = rows[along(THETA)] / TWO_PI
-        unit[along(THETA)] = _wrapped(turns - turns.floor(), 1.0)
+        unit[along(THETA)] = _wrap(turns - turns.floor(), 1.0)
         return unit.clamp_(0.0, 1.0).T.contiguous()
 
     def decode(self, x: Tensor) -> Tensor:
@@ -54,8 +54,8 @@ class Codec:
         for axis in LENGTHS:
             for low, high, part, _ in self._groups(axis, rows, rows):
                 part.mul_(high - low).add_(low)
-                part.clamp_(*within(low, high, x.dtype))
-        rows[along(THETA)] = _wrapped(rows[along(THETA)] * TWO_PI, TWO_PI)
+                part.clamp_(*float_bounds(low, high, x.dtype))
+        rows[along(THETA)] = _wrap(rows[along(THETA)] * TWO_PI, TWO_PI)
         return rows
 
     def _groups(self, axis: int, rows: Tensor, other: Tensor) -> Iterator[tuple[float, float, Tensor, Tensor]]:
@@ -70,7 +70,7 @@ class Codec:
             yield low, high, rows[row], other[row]
 
 
-def within(low: float, high: float, dtype: torch.dtype) -> tuple[float, float]:
+def float_bounds(low: float, high: float, dtype: torch.dtype) -> tuple[float, float]:
     """The lowest and highest number of `dtype` in [low, high]: float32(0.1) is above 0.1, so round inwards."""
     lowest, highest, infinity = torch.tensor([low, high, math.inf], dtype=dtype)
     if float(lowest) < low:
@@ -80,7 +80,7 @@ def within(low: float, high: float, dtype: torch.dtype) -> tuple[float, float]:
     return float(lowest), float(highest)
 
 
-def _wrapped(values: Tensor, period: float) -> Tensor:
+def _wrap(values: Tensor, period: float) -> Tensor:
     """Values in [0, period] with period, reached by rounding, made 0."""
     return torch.where(values >= period, torch.zeros_like(values), values)
 
@@ -127,14 +127,14 @@ class Examples:
 # ones these are is part of the branch: the choice is drawn from the table, and is an input of the network.
 
 
-MOST = 96  # branches of a model; rarer ones share the last
+MAX_BRANCHES = 96  # branches of a model; rarer ones share the last
 OTHER = -1  # in a table of branches: no atom is known to decide
 
 
 def ways_of(spec: CheckedSpec, rows: Tensor) -> Tensor:
     """What makes the branch of each scene of (3N, M) storage, (W, M) int64: of each label the node of the atom that
     decides it, and of each choice of the spec which surface it is."""
-    found = [deciding(spec.core, rows)]
+    found = [deciding_atoms(spec.core, rows)]
     for choice in spec.choices.values():
         ends = torch.tensor(choice.ends[:-1], dtype=rows.dtype)
         found.append(torch.bucketize(rows[row_of(choice.switch, X)].contiguous(), ends, right=True)[None])
@@ -143,13 +143,13 @@ def ways_of(spec: CheckedSpec, rows: Tensor) -> Tensor:
 
 def survey(spec: CheckedSpec, rows: Tensor) -> tuple[Tensor, Tensor]:
     """The branch of each scene and what the branches are: (M,) int64 and (K, W) int64, most frequent first. Where there
-    are more than MOST, the last stands for all the rest and holds OTHER."""
+    are more than MAX_BRANCHES, the last stands for all the rest and holds OTHER."""
     ways, index, counts = torch.unique(ways_of(spec, rows).T, dim=0, return_inverse=True, return_counts=True)
     order = torch.sort(counts, descending=True, stable=True).indices
     place = torch.empty_like(order)
     place[order] = torch.arange(len(order), device=order.device)
     branch, table = place[index], ways[order]
-    if len(table) > MOST:
-        branch = branch.clamp_max(MOST - 1)
-        table = torch.cat([table[: MOST - 1], torch.full_like(table[:1], OTHER)])
+    if len(table) > MAX_BRANCHES:
+        branch = branch.clamp_max(MAX_BRANCHES - 1)
+        table = torch.cat([table[: MAX_BRANCHES - 1], torch.full_like(table[:1], OTHER)])
     return branch, table

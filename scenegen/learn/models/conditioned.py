@@ -1,4 +1,4 @@
-"""What the models of the default recipe share: view of scenes and labels, branches, and the consistency of phi."""
+"""What `flow`, `gan` and `aae` share: view of scenes and labels, branches, and the consistency of phi."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from scenegen.search.effort import NEVER, Stop
 # Which branch to draw from: P(branch | phi), learnt by cross-entropy and nothing else.
 
 
-WIDTH = 64
+SELECTOR_WIDTH = 64
 PASSES, STEPS, BATCH, RATE = 30, 3000, 512, 6e-3  # of learning it by itself
 
 
@@ -30,7 +30,7 @@ class Selector(nn.Module):
     def __init__(self, layout: Layout) -> None:
         super().__init__()
         self.branches = layout.branches
-        self.body = Mlp((layout.told, WIDTH, WIDTH, layout.branches), 0.1)
+        self.body = Mlp((layout.condition_size, SELECTOR_WIDTH, SELECTOR_WIDTH, layout.branches), 0.1)
 
     def initialise(self, generator: torch.Generator) -> None:
         self.body.initialise(generator)
@@ -85,7 +85,7 @@ class Selector(nn.Module):
 
 
 KNOTS = 65  # quantiles of a label that are kept
-NARROW = 1e-6  # of the workspace: a coordinate that varies less is as good as constant
+MIN_SPREAD = 1e-6  # of the workspace: a coordinate that varies less is as good as constant
 
 
 class DataScaling(nn.Module):
@@ -118,7 +118,7 @@ class DataScaling(nn.Module):
         x, phi = examples.x, examples.phi
         learnt, free = x[:, self._learnt[: self.positions]], x[:, self._free]
         self.low, self.high = learnt.amin(0), learnt.amax(0)
-        self.high = torch.maximum(self.high, self.low + NARROW)
+        self.high = torch.maximum(self.high, self.low + MIN_SPREAD)
         # A free coordinate varies over all of its range, or an object is held in place and it does not vary at all.
         held = free.amax(0) == free.amin(0)
         self.free_low = torch.where(held, free[0], torch.zeros_like(free[0]))
@@ -184,7 +184,6 @@ class ConditionedModel(SceneModel):
     Subclasses make their networks in __init__ and say in `make` how noise becomes a scene.
     """
 
-    branched = True
     betas: ClassVar[tuple[float, float]] = (0.9, 0.99)
     """Of Adam."""
 
@@ -211,7 +210,9 @@ class ConditionedModel(SceneModel):
             return
         empty = examples.x.new_empty(len(examples), 0)  # scenes are not looked at
         told = Examples(empty, examples.phi, examples.branch, examples.balanced)
-        self.selector.learn(told, lambda batch: self.view.features(self.wanted(batch, generator)), generator, check)
+        self.selector.learn(
+            told, lambda batch: self.view.features(self.visible_phi(batch, generator)), generator, check
+        )
 
     def start(self, lr: float, spec_loss: SpecLoss) -> None:
         self.spec_loss = spec_loss
@@ -224,11 +225,11 @@ class ConditionedModel(SceneModel):
         torch.autograd.backward(loss)
         optimiser.step()
 
-    def wanted(self, batch: Examples, generator: torch.Generator) -> Tensor:
+    def visible_phi(self, batch: Examples, generator: torch.Generator) -> Tensor:
         """phi of a batch (B, L) with NaN for the labels that the networks are not told this time."""
         if not self.layout.partial:
             return batch.phi
-        return torch.where(given(batch, generator), batch.phi, torch.full_like(batch.phi, math.nan))
+        return torch.where(visible_labels(batch, generator), batch.phi, torch.full_like(batch.phi, math.nan))
 
     def inconsistency(self, u: Tensor, phi: Tensor, branch: Tensor) -> Tensor:
         """How far phi of made scenes u (B, C) is from what was wanted, and the branch's atom from deciding it: the mean
@@ -265,7 +266,7 @@ class ConditionedModel(SceneModel):
 ALONE, PAIR = 0.4, 0.4  # shares of scenes with one label given, and with two; the others have all
 
 
-def given(batch: Examples, generator: torch.Generator) -> Tensor:
+def visible_labels(batch: Examples, generator: torch.Generator) -> Tensor:
     """Which labels of each scene a network sees, (B, L) bool: the one by which the scenes were balanced, and at
     random none, one or all of the others; all, where the scenes were balanced by all."""
     count, labels = batch.phi.shape
@@ -280,6 +281,6 @@ def given(batch: Examples, generator: torch.Generator) -> Tensor:
     return some | (fate >= ALONE + PAIR)[:, None]
 
 
-def detached(**losses: Tensor) -> dict[str, Tensor]:
+def detach_losses(**losses: Tensor) -> dict[str, Tensor]:
     """The losses by name, as `update` returns them."""
     return {name: loss.detach() for name, loss in losses.items()}

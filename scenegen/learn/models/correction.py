@@ -22,7 +22,7 @@ from scenegen.arrays import Array
 from scenegen.lang.formula.core import REQUIRE, Apply, gate, part_of
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.card import depends_on
-from scenegen.learn.refine import bounded, newton
+from scenegen.learn.refine import limit_step, newton
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.robustness.deciding import Slopes
 from scenegen.pose import PLACE, SIZE, THETA, TWO_PI, X, Y, along, axis_of, owner, row_of
@@ -38,15 +38,19 @@ from scenegen.search.effort import NEVER, Stop
 # evaluation of the formula.
 
 
-MOVES = 24  # of a scene, at most
-WORK = 2500  # visits of nodes that they may take for each scene
+MAX_MOVES = 24  # of a scene, at most
+MAX_MOVE_VISITS = 2500  # visits of nodes that they may take for each scene
 THOROUGH = 3  # times as many, for the scenes of a network that has not seen the spec
-FEWEST = 32  # of these, at least
-PER_SHAPE = 30  # what a footprint costs, in plain nodes
+MIN_THOROUGH_MOVES = 32  # of these, at least
+SHAPE_COST = 30  # what a footprint costs, in plain nodes
 SHORTEST_WALK, LONGEST_WALK = 0.01, 0.5  # of the workspace, or of a turn
 FITTED, AIM = 0.75, 0.3  # of the shifts of one coordinate are fitted, so that this share of them is kept
-START, LEAST, AROUND = 0.05, 1e-5, 3.0  # of the range: fitted steps at first, and the least; factor from step to step
-SURE = 16  # scenes: how far fewer than that fit a step
+FIRST_REACH, MIN_REACH, REACH_FACTOR = (
+    0.05,
+    1e-5,
+    3.0,
+)  # of the range: fitted steps at first, and the least; factor from step to step
+SURE_SCENES = 16  # scenes: how far fewer than that fit a step
 
 Move = tuple[Tensor, Tensor]
 
@@ -72,15 +76,22 @@ class McmcMoves:
         # objects whose place matters; the number of a switch is moved by itself alone
         self._free = torch.tensor([one for one in sorted(set(where)) if one < len(spec.objects)], dtype=torch.int64)
         self._objects = len(spec.objects)
-        self._moves = [self._one, self._around, self._one, self._some, self._one, self._swap]
+        self._moves = [
+            self._shift_one,
+            self._turn_around,
+            self._shift_one,
+            self._shift_some,
+            self._shift_one,
+            self._swap_places,
+        ]
         if len(self._free) < 2:
-            self._moves = [self._one]
+            self._moves = [self._shift_one]
         self._headings = torch.tensor([row for row in self._rows.tolist() if bool(self._turns[row])])
         if thorough and len(self._headings) > 1:
-            self._moves = [self._turned, *self._moves]
+            self._moves = [self._turn_headings, *self._moves]
         shapes = sum(len(node.shapes) for node in core.nodes if isinstance(node, Apply))
-        count = min(MOVES, WORK // (len(core.nodes) + PER_SHAPE * shapes))
-        count = max(FEWEST, THOROUGH * count) if thorough else count
+        count = min(MAX_MOVES, MAX_MOVE_VISITS // (len(core.nodes) + SHAPE_COST * shapes))
+        count = max(MIN_THOROUGH_MOVES, THOROUGH * count) if thorough else count
         self._fit = thorough
         self.moving = len(self._rows) > 0
         self.count = count if self.moving else 0
@@ -99,9 +110,9 @@ class McmcMoves:
         usual."""
         off = self._tolerance if tolerance is None else tolerance
         ends = wanted - off, wanted + off
-        return self.within(rows, ends, generator, self.count, right, fit=self._fit, stop=stop)
+        return self.move_within(rows, ends, generator, self.count, right, fit=self._fit, stop=stop)
 
-    def within(
+    def move_within(
         self,
         rows: Tensor,
         ends: tuple[Tensor, Tensor],
@@ -117,7 +128,7 @@ class McmcMoves:
         is held to a millimetre hardly moves by others. Raises what `stop` raises."""
         rows = rows.clone()
         right = self._inside(rows, *ends) if right is None else right
-        reach = torch.full((len(rows),), START) if fit else None
+        reach = torch.full((len(rows),), FIRST_REACH) if fit else None
         for number in range(moves):
             stop.check()
             move = self._moves[number % len(self._moves)]
@@ -127,9 +138,11 @@ class McmcMoves:
             rows.scatter_(0, place, new)
             keep = right & inside & self._inside(rows, *ends)
             rows.scatter_(0, place, torch.where(keep, new, old))
-            if reach is not None and move == self._one:
+            if reach is not None and move == self._shift_one:
                 tried, kept = (torch.bincount(place[0][some], minlength=len(rows)) for some in (right, right & keep))
-                reach = (reach * torch.exp((kept - AIM * tried) / (tried + SURE))).clamp_(LEAST, LONGEST_WALK)
+                reach = (reach * torch.exp((kept - AIM * tried) / (tried + SURE_SCENES))).clamp_(
+                    MIN_REACH, LONGEST_WALK
+                )
         return rows
 
     def _inside(self, rows: Tensor, low: Tensor, high: Tensor) -> Tensor:
@@ -140,18 +153,18 @@ class McmcMoves:
 
     # A move names rows of each scene, (K, B), and their new values, (K, B).
 
-    def _one(self, rows: Tensor, generator: torch.Generator, reach: Tensor | None) -> Move:
+    def _shift_one(self, rows: Tensor, generator: torch.Generator, reach: Tensor | None) -> Move:
         """One coordinate, shifted by a random amount; mostly by about its `reach` (3N,), a share of its range."""
         random = torch.rand(3 if reach is None else 4, rows.shape[1], generator=generator)
         place = _pick(self._rows, random[:1])
         step = _step(random[1], random[2])
         if reach is not None:
-            fitted = reach[place[0]] * AROUND ** (2.0 * random[1] - 1.0) * step.sign()
+            fitted = reach[place[0]] * REACH_FACTOR ** (2.0 * random[1] - 1.0) * step.sign()
             step = torch.where(random[3] < FITTED, fitted, step)
         new = rows.gather(0, place) + step * self._size[place]
         return place, torch.where(self._turns[place], torch.remainder(new, TWO_PI), new)
 
-    def _some(self, rows: Tensor, generator: torch.Generator, _: Tensor | None) -> Move:
+    def _shift_some(self, rows: Tensor, generator: torch.Generator, _: Tensor | None) -> Move:
         """Some of the objects, shifted together along x or y."""
         random = torch.rand(3 + len(self._free), rows.shape[1], generator=generator)
         step = torch.where(random[3:] < 0.5, _step(random[0], random[1]), torch.zeros(()))
@@ -159,14 +172,14 @@ class McmcMoves:
         place = SIZE * self._free[:, None] + axis
         return place, rows.gather(0, place) + self._size[place] * step
 
-    def _turned(self, rows: Tensor, generator: torch.Generator, _: Tensor | None) -> Move:
+    def _turn_headings(self, rows: Tensor, generator: torch.Generator, _: Tensor | None) -> Move:
         """Some of the headings, mostly all, turned together: what is to point the same way does so still."""
         random = torch.rand(2 + len(self._headings), rows.shape[1], generator=generator)
         step = torch.where(random[2:] < 2.0 * random[0], TWO_PI * random[1], torch.zeros(()))
         place = self._headings[:, None].expand(-1, rows.shape[1])
         return place, torch.remainder(rows.gather(0, place) + step, TWO_PI)
 
-    def _around(self, rows: Tensor, generator: torch.Generator, _: Tensor | None) -> Move:
+    def _turn_around(self, rows: Tensor, generator: torch.Generator, _: Tensor | None) -> Move:
         """One object, turned about another by a random angle, or mirrored there at x, y or a diagonal."""
         random = torch.rand(4, rows.shape[1], generator=generator)
         place = _place(_pick(self._free, random[0]))
@@ -179,7 +192,7 @@ class McmcMoves:
         turned = torch.stack([cosine * offset[0] - sine * across, sine * offset[0] + cosine * across])
         return place, centre + turned
 
-    def _swap(self, rows: Tensor, generator: torch.Generator, _: Tensor | None) -> Move:
+    def _swap_places(self, rows: Tensor, generator: torch.Generator, _: Tensor | None) -> Move:
         """Two objects, in each other's places."""
         random = torch.rand(2, rows.shape[1], generator=generator)
         here, there = (_place(_pick(self._free, number)) for number in random)
@@ -203,17 +216,19 @@ def _step(size: Tensor, sign: Tensor) -> Tensor:
 
 STEPS, BACK = 4, 3  # Newton steps of a scene; and of one that breaks what is required
 ROUNDS, SAME = 6, 3  # times that scenes that do not arrive are drawn again, and of these in the same branch
-SPARE = 4  # scenes for one that is missing, at most
-MOST = 5  # scenes made for each that is wanted, on average
+MAX_SPARE_SCENES = 4  # scenes for one that is missing, at most
+MAX_MADE_PER_SCENE = 5  # scenes made for each that is wanted, on average
 USEFUL = 0.02  # of the scenes of a round: with fewer that arrive there is no other round
 OFFERED = 8  # scenes that arrived, to begin from with one that did not
-TOLERANCE = 1e-3  # of a label's range: what counts as arrived
-NEAR = 10.0  # times TOLERANCE: the same near 0, of the range from 0 to the top
-LONGEST = 0.15  # of the workspace, or radians, that one coordinate may move in a step
-STEP = 65_536  # scenes that are corrected at a time: there are few of each atom, and each takes calls of its own
-WALKING = 16_384  # scenes that are moved at a time: they and the values of the formula stay in cache
+PHI_TOLERANCE = 1e-3  # of a label's range: what counts as arrived
+NEAR_ZERO_FACTOR = 10.0  # times PHI_TOLERANCE: the same near 0, of the range from 0 to the top
+MAX_NEWTON_STEP = 0.15  # of the workspace, or radians, that one coordinate may move in a step
+CORRECTED_AT_ONCE = (
+    65_536  # scenes that are corrected at a time: there are few of each atom, and each takes calls of its own
+)
+MOVED_AT_ONCE = 16_384  # scenes that are moved at a time: they and the values of the formula stay in cache
 
-TURNS = along(THETA)
+THETA_ROWS = along(THETA)
 
 Make = Callable[[Tensor, torch.Generator, Tensor | None, Stop], tuple[Tensor, Tensor | None]]
 """Wanted phi (L, B), NaN where a label is free, and branches (B,) or None -> scenes (3N, B) in metres and radians, and
@@ -232,30 +247,30 @@ class Correction:
         self._labels = Slopes(spec.core)
         self._required = Robustness(part_of(core, [REQUIRE])) if REQUIRE in core.labels else None
         self._both = Slopes(core)
-        self._most = (TOLERANCE * spans)[:, None]
+        self._most = (PHI_TOLERANCE * spans)[:, None]
         self._tops = (torch.zeros_like(spans) if tops is None else tops)[:, None]
         low, high = (torch.from_numpy(ends).to(torch.float32)[:, None] for ends in spec.box())
         self._low, self._high = low, high
         self._scale = high - low
-        self._scale[TURNS] = (self._scale[TURNS] > 0.0).to(low)  # a radian; what is held does not move
+        self._scale[THETA_ROWS] = (self._scale[THETA_ROWS] > 0.0).to(low)  # a radian; what is held does not move
         self._walk = McmcMoves(spec, self._most, thorough=thorough)
 
     def __call__(self, make: Make, wanted: Tensor, generator: torch.Generator, stop: Stop = NEVER) -> Tensor:
         """Corrected scenes (3N, n) for wanted phi (L, n), NaN where a label is free. Raises what `stop` raises."""
         first, branch = make(wanted, generator, None, stop)
-        rows, off = self._corrected(first, wanted, stop)
+        rows, off = self._correct(first, wanted, stop)
         made = count = len(off)
         same = branch is not None
         for number in range(ROUNDS):
             missing = off.nonzero()[:, 0]
             rate = 1.0 - len(missing) / max(1, count)
-            places = missing.repeat(max(1, min(SPARE, round(1.0 / max(rate, 0.1)))))
+            places = missing.repeat(max(1, min(MAX_SPARE_SCENES, round(1.0 / max(rate, 0.1)))))
             made += len(places)
-            if not len(missing) or made > MOST * count:
+            if not len(missing) or made > MAX_MADE_PER_SCENE * count:
                 break
             same = same and number < SAME
             again, _ = make(wanted[:, places], generator, branch[places] if branch is not None and same else None, stop)
-            fresh, failed = self._corrected(again, wanted[:, places], stop)
+            fresh, failed = self._correct(again, wanted[:, places], stop)
             good = (~failed).nonzero()[:, 0].flip(0)  # of several for one place the first
             rows[:, places[good]] = fresh[:, good]
             off[places[good]] = False
@@ -265,14 +280,16 @@ class Correction:
                 same = False
         random = _on_cpu(generator)
         if self._thorough:
-            self._begun_elsewhere(rows, off, wanted, random, stop)
-        for start in range(0, count if self._walk.count else 0, WALKING):
-            some = slice(start, start + WALKING)
+            self._restart_elsewhere(rows, off, wanted, random, stop)
+        for start in range(0, count if self._walk.count else 0, MOVED_AT_ONCE):
+            some = slice(start, start + MOVED_AT_ONCE)
             near = wanted[:, some], self._tolerance(wanted[:, some])
             rows[:, some] = self._walk(rows[:, some], near[0], random, ~off[some], near[1], stop)
         return rows
 
-    def _begun_elsewhere(self, rows: Tensor, off: Tensor, wanted: Tensor, random: torch.Generator, stop: Stop) -> None:
+    def _restart_elsewhere(
+        self, rows: Tensor, off: Tensor, wanted: Tensor, random: torch.Generator, stop: Stop
+    ) -> None:
         """Scenes (3N, n) that never arrived begin where one did, of some the one for the nearest phi; the random moves
         part them again. Changes `rows`, and `off` (n,) that says which have not arrived."""
         missing, there = off.nonzero()[:, 0], (~off).nonzero()[:, 0]
@@ -281,39 +298,39 @@ class Correction:
         some = there[torch.randint(len(there), (len(missing), OFFERED), generator=random)]
         apart = torch.nan_to_num((wanted[:, some] - wanted[:, missing, None]) / self._most[:, None]).square().sum(0)
         nearest = some.gather(1, apart.argmin(1, keepdim=True))[:, 0]
-        fresh, failed = self._corrected(rows[:, nearest], wanted[:, missing], stop)
+        fresh, failed = self._correct(rows[:, nearest], wanted[:, missing], stop)
         good = ~failed
         rows[:, missing[good]] = fresh[:, good]
         off[missing[good]] = False
 
     def _tolerance(self, wanted: Tensor) -> Tensor:
         """How far phi may be from where it is wanted, (L, B)."""
-        near = NEAR * TOLERANCE * torch.maximum(self._tops, wanted.abs())
+        near = NEAR_ZERO_FACTOR * PHI_TOLERANCE * torch.maximum(self._tops, wanted.abs())
         return torch.where((self._tops > 0.0) & ~torch.isnan(near), torch.minimum(near, self._most), self._most)
 
-    def _corrected(self, rows: Tensor, wanted: Tensor, stop: Stop) -> tuple[Tensor, Tensor]:
+    def _correct(self, rows: Tensor, wanted: Tensor, stop: Stop) -> tuple[Tensor, Tensor]:
         """Scenes (3N, B) moved, and which of them are not where they ought to be, (B,)."""
         rows, off = rows.clone(), torch.ones(rows.shape[1], dtype=torch.bool)
-        for start in range(0, rows.shape[1], STEP):
-            some = slice(start, start + STEP)
+        for start in range(0, rows.shape[1], CORRECTED_AT_ONCE):
+            some = slice(start, start + CORRECTED_AT_ONCE)
             rows[:, some], off[some] = self._part(rows[:, some], wanted[:, some], stop)
         return rows, off
 
     def _part(self, rows: Tensor, wanted: Tensor, stop: Stop) -> tuple[Tensor, Tensor]:
         asked = (~torch.isnan(wanted)).any(dim=1).nonzero()[:, 0].tolist()
-        rows, off = self._moved(rows, wanted, asked, self._labels, STEPS, stop)
+        rows, off = self._newton_steps(rows, wanted, asked, self._labels, STEPS, stop)
         if self._required is None:
             return rows, off
         unmet = (~off & (self._required.rows(rows, check=False)[0] < 0.0)).nonzero()[:, 0]
         if len(unmet):
             heads = [*asked, len(wanted)]
-            some, off[unmet] = self._moved(
+            some, off[unmet] = self._newton_steps(
                 rows.index_select(1, unmet), wanted.index_select(1, unmet), heads, self._both, BACK, stop
             )
             _put(rows, unmet, some)
         return rows, off
 
-    def _moved(
+    def _newton_steps(
         self, rows: Tensor, wanted: Tensor, heads: list[int], phi: Slopes, steps: int, stop: Stop
     ) -> tuple[Tensor, Tensor]:
         """The scenes (3N, B) after that many Newton steps at most, and which of them are still off, (B,). `heads` are
@@ -348,8 +365,8 @@ class Correction:
             shift = _newton(torch.stack(slopes) * self._scale, gap, far)
             moved = here + self._scale * shift
             here = torch.minimum(torch.maximum(moved, self._low), self._high)
-            turned = torch.remainder(moved[TURNS], TWO_PI)
-            here[TURNS] = torch.where(self._scale[TURNS] > 0.0, turned, here[TURNS])
+            turned = torch.remainder(moved[THETA_ROWS], TWO_PI)
+            here[THETA_ROWS] = torch.where(self._scale[THETA_ROWS] > 0.0, turned, here[THETA_ROWS])
         return rows, off
 
 
@@ -370,6 +387,6 @@ def _newton(jacobian: Tensor, gap: Tensor, far: Tensor) -> Tensor:
     """The shortest steps (3N, B) that close the gaps (K, B) to first order where they are `far`, given the slopes
     (K, 3N, B)."""
     if len(gap) > 1:
-        return newton(jacobian * far[:, None], gap * far, 1e-4, LONGEST, 1e-8)
+        return newton(jacobian * far[:, None], gap * far, 1e-4, MAX_NEWTON_STEP, 1e-8)
     square = jacobian[0].square().sum(0).clamp_min(1e-12)
-    return bounded(jacobian[0] * (gap[0] * far[0] / square), LONGEST)
+    return limit_step(jacobian[0] * (gap[0] * far[0] / square), MAX_NEWTON_STEP)

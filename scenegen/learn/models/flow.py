@@ -32,8 +32,8 @@ from torch import Tensor, nn
 from scenegen.learn.models.base import Hyper, Mlp, one_hot
 from scenegen.learn.models.card import Layout
 from scenegen.learn.models.codec import Examples
-from scenegen.learn.models.conditioned import ConditionedModel, detached
-from scenegen.learn.models.energy import FIRST_GATE, INSIDE, SLOPE, directions, noise
+from scenegen.learn.models.conditioned import ConditionedModel, detach_losses
+from scenegen.learn.models.generator import ATANH_BOUND, FIRST_GATE, SLOPE, directions, noise
 
 # The network of the flow: where the path through a scene at one time will be at another.
 #
@@ -44,12 +44,12 @@ from scenegen.learn.models.energy import FIRST_GATE, INSIDE, SLOPE, directions, 
 #     jump(x, s, t) = x + (t - s) / (1 - s) * (goal(x, s, t) - x)
 #
 # so jump(x, s, 1) is the goal itself, and for t = s the goal stands for the velocity (goal - x) / (1 - s). Goals are
-# made as in scenegen.learn.models.energy, from x by a gate and a shift for each coordinate: a position is tanh(gate *
-# atanh(x) + shift), an angle gate * (cos, sin) + shift. A gate of 1 and a shift of 0 leave a coordinate where it is,
-# and no position leaves the box on the way, whatever the number of jumps.
+# made as in scenegen.learn.models.generator, from x by a gate and a shift for each coordinate: a position is
+# tanh(gate * atanh(x) + shift), an angle gate * (cos, sin) + shift. A gate of 1 and a shift of 0 leave a coordinate
+# where it is, and no position leaves the box on the way, whatever the number of jumps.
 
 
-SMALLEST = 1e-6  # of what is left of time: keeps 0 / 0 out where rounding puts s at 1
+ZERO_TIME_GUARD = 1e-6  # of what is left of time: keeps 0 / 0 out where rounding puts s at 1
 
 
 class FlowMap(nn.Module):
@@ -59,7 +59,7 @@ class FlowMap(nn.Module):
         super().__init__()
         self.positions, self.angles, self.branches = len(layout.positions), len(layout.angles), layout.branches
         self.coordinates = layout.coordinates
-        inputs = layout.coordinates + 2 + layout.told + layout.branches
+        inputs = layout.coordinates + 2 + layout.condition_size + layout.branches
         self.body = Mlp((inputs, *[width] * depth, layout.coordinates + layout.noise), SLOPE)
 
     def initialise(self, generator: torch.Generator) -> None:
@@ -77,7 +77,7 @@ class FlowMap(nn.Module):
         positions, angles = self.positions, self.angles
         made: Tensor = self.body(torch.cat([x, start, end, context], dim=1))
         shift, gate = made[:, : self.coordinates], made[:, self.coordinates :]
-        still = torch.atanh(x[:, :positions].clamp(-INSIDE, INSIDE))
+        still = torch.atanh(x[:, :positions].clamp(-ATANH_BOUND, ATANH_BOUND))
         spread = torch.tanh(still * gate[:, :positions] + shift[:, :positions])
         if not angles:
             return spread
@@ -87,7 +87,7 @@ class FlowMap(nn.Module):
     def jump(self, x: Tensor, start: Tensor, end: Tensor, context: Tensor, *, velocity: bool = False) -> Tensor:
         """The place at `end` of the path that leads through x at `start`, (B, C); with `velocity`, along the straight
         line in which it leaves."""
-        part = (end - start) / (1.0 - start).clamp_min(SMALLEST)
+        part = (end - start) / (1.0 - start).clamp_min(ZERO_TIME_GUARD)
         return torch.lerp(x, self.goal(x, start, start if velocity else end, context), part)
 
 
@@ -98,7 +98,7 @@ def departure(count: int, layout: Layout, generator: torch.Generator, device: to
     return torch.cat([z[:, :positions], directions(z[:, positions:])], dim=1)
 
 
-LEAST = 0.2  # of time left that weights count: later errors would outweigh all else
+MIN_TIME_LEFT = 0.2  # of time left that weights count: later errors would outweigh all else
 
 
 class FlowHyper(Hyper):
@@ -141,7 +141,7 @@ class Flow(ConditionedModel):
         return x + (end - start) * velocity
 
     def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
-        wanted = self.wanted(batch, generator)
+        wanted = self.visible_phi(batch, generator)
         features = self.view.features(wanted)
         context = self.flow.context(features, batch.branch)
         x = self.view.encode(batch.x)
@@ -150,18 +150,18 @@ class Flow(ConditionedModel):
         if not self.jumps:
             velocity = self._velocity(z, x, context, generator)
             self.descend(velocity + surprise)
-            return detached(velocity=velocity, branch=surprise)
+            return detach_losses(velocity=velocity, branch=surprise)
         rest = len(x) // 2  # half as many velocities as jumps do, and save a fifth of the time
         velocity = self._velocity(z[rest:], x[rest:], context[rest:], generator)
         jumps, off = self._jumps(z, x, context, wanted, batch.branch, generator)
         self.descend(velocity + self.jumps * jumps + self.weight * off + surprise)
-        return detached(velocity=velocity, jumps=jumps, phi=off, branch=surprise)
+        return detach_losses(velocity=velocity, jumps=jumps, phi=off, branch=surprise)
 
     def _velocity(self, z: Tensor, x: Tensor, context: Tensor, generator: torch.Generator) -> Tensor:
         """The error of the velocity at a random time of each path."""
         time = _uniform(len(x), generator, x.device)
         goal = self.flow.goal(torch.lerp(z, x, time), time, time, context)
-        return _squared(goal - x, time)
+        return _mean_square(goal - x, time)
 
     def _jumps(
         self, z: Tensor, x: Tensor, context: Tensor, wanted: Tensor, branch: Tensor, generator: torch.Generator
@@ -182,7 +182,7 @@ class Flow(ConditionedModel):
             target = self.flow.jump(self.flow.jump(x, start, middle, context), middle, end, context)
         landed = self.flow.jump(x, start, end, context)
         off = self.inconsistency(landed[:arriving], wanted[:arriving], branch[:arriving])
-        return _squared(landed - target, start), off
+        return _mean_square(landed - target, start), off
 
 
 def _uniform(count: int, generator: torch.Generator, device: torch.device) -> Tensor:
@@ -190,6 +190,6 @@ def _uniform(count: int, generator: torch.Generator, device: torch.device) -> Te
     return torch.rand(count, 1, generator=generator, device=device)
 
 
-def _squared(error: Tensor, time: Tensor) -> Tensor:
+def _mean_square(error: Tensor, time: Tensor) -> Tensor:
     """Mean squared length of errors (B, C) of goals at times (B, 1), as those of velocities."""
-    return (error / (1.0 - time).clamp_min(LEAST)).square().sum(1).mean()
+    return (error / (1.0 - time).clamp_min(MIN_TIME_LEFT)).square().sum(1).mean()

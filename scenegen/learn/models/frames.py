@@ -39,7 +39,7 @@ class Frames:
     carrier: tuple[int, ...]
     offsets: tuple[tuple[int, int, float], ...]
 
-    def within(self, wanted: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
+    def bounds_for(self, wanted: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
         """Lowest and highest poses (3N,), metres and radians, places relative to the carrier's, of all scenes that meet
         the requirement and have phi of these labels in these ranges; without the ranges where no scene does."""
         lowest, highest = self.spec.box()
@@ -48,7 +48,7 @@ class Frames:
         demand |= {labels[REQUIRE]: (0.0, math.inf)} if REQUIRE in labels else {}
         found = contract_box(self.tape, lowest, highest, demand, Effort())
         if not found.alive:
-            return self.within({}) if wanted else (lowest, highest)
+            return self.bounds_for({}) if wanted else (lowest, highest)
         for row, node in self.tape.rows.items():
             lowest[row], highest[row] = found.lo[node], found.hi[node]
         for row, node, sign in self.offsets:

@@ -1,4 +1,4 @@
-"""The adversarial models of the default recipe: a GAN, which plays over scenes, and an AAE, which plays over codes."""
+"""The adversarial models: a GAN, which plays over scenes, and an AAE, which plays over codes."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from torch.nn.functional import leaky_relu, softplus
 from scenegen.learn.models.base import Hyper, Mlp, one_hot
 from scenegen.learn.models.card import Layout
 from scenegen.learn.models.codec import Examples
-from scenegen.learn.models.conditioned import ConditionedModel, detached
-from scenegen.learn.models.energy import FIRST_GATE, INSIDE, SLOPE, Generator, directions, noise
+from scenegen.learn.models.conditioned import ConditionedModel, detach_losses
+from scenegen.learn.models.generator import ATANH_BOUND, FIRST_GATE, SLOPE, Generator, directions, noise
 
 # The adversarial game of the default GAN and AAE: a critic that knows phi and the branch, and what keeps it fair.
 #
@@ -36,7 +36,7 @@ class Critic(nn.Module):
     def __init__(self, layout: Layout, rows: int, width: int, depth: int) -> None:
         super().__init__()
         self.branches = layout.branches
-        self.body = Mlp((rows + layout.told + layout.branches, *[width] * depth), CRITIC_SLOPE)
+        self.body = Mlp((rows + layout.condition_size + layout.branches, *[width] * depth), CRITIC_SLOPE)
         # no bias: only differences of scores count
         self.head = nn.Linear(width, 1, bias=False, device="meta")
 
@@ -75,12 +75,12 @@ def contest(
     return surprise, surprise + 0.5 * penalty * steepness, (made * pull).sum()
 
 
-START = 0.05
+FIRST_WEIGHT_SHARE = 0.05
 
 
 # The default GAN: a game between a generator and a critic, both told phi and the branch.
 #
-# The generator (scenegen.learn.models.energy) makes a scene for every true one of the batch, of the same labels and
+# The generator (scenegen.learn.models.generator) makes a scene for every true one of the batch, of the same labels and
 # branch; the critic says which is which. Beside the critic's pull, the inconsistency of phi moves the generator, and
 # the selector learns how often each branch occurs. What keeps it from collapsing is measured one by one in
 # docs/models-tried.md. Above all the inconsistency stays light: the set of one phi is thin, and to bring scenes onto it
@@ -91,8 +91,8 @@ START = 0.05
 
 class GANHyper(Hyper):
     """`width` and `depth` of the generator's hidden layers, `critic_width` and `critic_depth` of the critic's;
-    `consistency`: weight of the error of phi, which rises from START of it over the first `ramp` steps; `penalty`: of
-    the critic's squared slope."""
+    `consistency`: weight of the error of phi, which rises from FIRST_WEIGHT_SHARE of it over the first `ramp` steps;
+    `penalty`: of the critic's squared slope."""
 
     width: int = Field(default=256, ge=1, le=8192)
     depth: int = Field(default=4, ge=1, le=64)
@@ -128,22 +128,22 @@ class GAN(ConditionedModel):
         return made
 
     def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
-        wanted = self.wanted(batch, generator)
+        wanted = self.visible_phi(batch, generator)
         features = self.view.features(wanted)
         true, made = self.view.encode(batch.x), self.make(features, batch.branch, generator)
         critic, ruling, deceit = contest(self.critic, true, made, features, batch.branch, self.penalty)
         off = self.inconsistency(made, wanted, batch.branch)
         surprise = self.selector.loss(features, batch.branch)
         self.steps = self.steps + 1
-        weight = self.weight * (self.steps / self.ramp).clamp(START, 1.0)
+        weight = self.weight * (self.steps / self.ramp).clamp(FIRST_WEIGHT_SHARE, 1.0)
         # The three nets share no weights, and `deceit` and `ruling` reach only their own: one backward pass serves all.
         self.descend(ruling + deceit + weight * off + surprise)
-        return detached(critic=critic, phi=off, branch=surprise)
+        return detach_losses(critic=critic, phi=off, branch=surprise)
 
 
 # The default adversarial autoencoder: the game is played over codes, where both sides fill the same box.
 #
-# An encoder turns scene, labels, branch and some noise into a code, the decoder (scenegen.learn.models.energy, with
+# An encoder turns scene, labels, branch and some noise into a code, the decoder (scenegen.learn.models.generator, with
 # the code for its noise) turns the code back into the scene, and a critic sees to it that
 # codes of every phi and branch are distributed as the decoder's own noise is: uniformly. Then noise decodes to scenes
 # as they are distributed in truth. So that what lies between the codes of true scenes hits phi too, the inconsistency
@@ -180,7 +180,7 @@ class Encoder(nn.Module):
         super().__init__()
         self.positions, self.angles = len(layout.positions), len(layout.angles)
         self.branches = layout.branches
-        inputs = layout.coordinates + layout.noise + layout.told + layout.branches
+        inputs = layout.coordinates + layout.noise + layout.condition_size + layout.branches
         self.body = Mlp((inputs, *[width] * depth, layout.coordinates + 2 * layout.noise), SLOPE)
 
     def initialise(self, generator: torch.Generator) -> None:
@@ -197,8 +197,8 @@ class Encoder(nn.Module):
             [positions + 2 * angles, positions + angles, positions + angles], dim=1
         )
         spread = torch.tanh(
-            torch.atanh(u[:, :positions].clamp(-1.0, 1.0) * INSIDE) * own[:, :positions]
-            + torch.atanh(z[:, :positions] * INSIDE) * other[:, :positions]
+            torch.atanh(u[:, :positions].clamp(-1.0, 1.0) * ATANH_BOUND) * own[:, :positions]
+            + torch.atanh(z[:, :positions] * ATANH_BOUND) * other[:, :positions]
             + shift[:, :positions]
         )
         if not angles:
@@ -232,7 +232,7 @@ class AAE(ConditionedModel):
         return noise(len(features), self.layout, generator, features.device)
 
     def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
-        wanted = self.wanted(batch, generator)
+        wanted = self.visible_phi(batch, generator)
         features, branch, positions = self.view.features(wanted), batch.branch, len(self.layout.positions)
         x = self.view.encode(batch.x)
         code = self.encoder(x, self._noise(features, generator), features, branch)
@@ -247,4 +247,4 @@ class AAE(ConditionedModel):
         off = self.inconsistency(self.decoder(prior, features, branch), wanted, branch)
         surprise = self.selector.loss(features, branch)
         self.descend(apart + ruling + self.match * deceit + self.weight * off + surprise)
-        return detached(reconstruction=apart, critic=critic, phi=off, branch=surprise)
+        return detach_losses(reconstruction=apart, critic=critic, phi=off, branch=surprise)

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import accumulate
 from typing import cast
 
 import torch
@@ -39,17 +38,17 @@ from scenegen.lang.formula.core import (
 )
 from scenegen.learn.models.frames import MATTERS, Frames
 from scenegen.learn.robustness.compile import TORCH
-from scenegen.learn.robustness.deciding import general, sized
+from scenegen.learn.robustness.deciding import with_sizes, without_sizes
 from scenegen.pose import SIZE, THETA, row_of
 from scenegen.search.effort import NEVER, Stop
 
 # Primitives in the order of a network's inputs: those of weights whose file does not name its own.
-KINDS = "abs add bearing cos dist div gap max mean min mul neg pick reach room sin sub sum wrap"
-NUMBERS = 6  # of an atom that its features show
+PRIMITIVE_NAMES = "abs add bearing cos dist div gap max mean min mul neg pick reach room sin sub sum wrap"
+SHOWN_NUMBERS = 6  # of an atom that its features show
 SLOTS = 7  # places of an object among those of its atom; further ones share one, what carries them has the last
 ROOT, MIN, MAX = range(3)  # kinds of junctions, the first of their features
 
-ATOM_FEATURES = 1 + 1 + NUMBERS + 1  # beside primitives: objects; numbers; whether it is an angle
+ATOM_FEATURES = 1 + 1 + SHOWN_NUMBERS + 1  # beside primitives: objects; numbers; whether it is an angle
 JUNCTION_FEATURES = 3 + 1 + 1  # kind; atoms below; whether it is of what is required
 
 
@@ -74,7 +73,7 @@ class MarginForm:
                     turning.keep(value)
                 values.append(value)
             else:
-                whole = cast(Apply, sized(node, rest))
+                whole = cast(Apply, with_sizes(node, rest))
                 args = [values[arg] for arg in whole.args]
                 values.append(PRIMITIVES[whole.primitive].evaluate(cast(Namespace, turning), *whole.shapes, *args))
         return values[-1].expand(poses.shape[1])
@@ -91,12 +90,12 @@ def _form(core: Core, atom: Atom) -> tuple[MarginForm, list[int], list[float]]:
             numbers.append(node.value)
             nodes.append(Const(0.0))
         else:
-            nodes.append(general(node, objects, numbers))
+            nodes.append(without_sizes(node, objects, numbers))
     return MarginForm(tuple(nodes)), objects, numbers
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Alike:
+class AlikeAtoms:
     """n atoms of one form: which they are (n,), the rows that they read (n, 3K), their numbers (n, P) and their ties
     (n, K)."""
 
@@ -106,9 +105,9 @@ class _Alike:
     ties: Tensor
 
 
-def _together(parts: Sequence[_Alike], device: torch.device | None = None) -> _Alike:
-    columns = ([getattr(part, each.name) for part in parts] for each in fields(_Alike))
-    return _Alike(*(torch.cat(column).to(device) if device else torch.cat(column) for column in columns))
+def join_alike(parts: Sequence[AlikeAtoms], device: torch.device | None = None) -> AlikeAtoms:
+    columns = ([getattr(part, each.name) for part in parts] for each in fields(AlikeAtoms))
+    return AlikeAtoms(*(torch.cat(column).to(device) if device else torch.cat(column) for column in columns))
 
 
 # The graph.
@@ -146,7 +145,7 @@ class FormulaGraph:
     ranks: tuple[int | None, ...]
     specs: int
     storeys: int
-    forms: dict[MarginForm, _Alike]
+    forms: dict[MarginForm, AlikeAtoms]
 
     @property
     def objects(self) -> int:
@@ -167,12 +166,12 @@ class FormulaGraph:
     def to(self, device: torch.device) -> FormulaGraph:
         """The same graph with its tensors there."""
         moved = {name: getattr(self, name).to(device) for name in TENSORS}
-        forms = {form: _together([alike], device) for form, alike in self.forms.items()}
+        forms = {form: join_alike([alike], device) for form, alike in self.forms.items()}
         return replace(self, **moved, members=tuple(one.to(device) for one in self.members), forms=forms)
 
-    def framed(self, frames: Frames, wanted: Mapping[str, tuple[float, float]]) -> FormulaGraph:
+    def in_frames(self, frames: Frames, wanted: Mapping[str, tuple[float, float]]) -> FormulaGraph:
         """The same graph in the frames for phi in these ranges."""
-        low, high = frames.within(wanted)
+        low, high = frames.bounds_for(wanted)
         lowest, highest = (torch.from_numpy(ends).to(self.low)[:, None] for ends in (low, high))
         features = frames.features(low, high).to(self.low.device)
         return replace(self, object_features=features, low=lowest, high=highest)
@@ -215,9 +214,9 @@ class FormulaGraph:
         """The way back: (N, B, 4) -> (3N, B), theta from -pi to pi."""
         parts, (centre, half) = view.transpose(1, 2), self.frame()
         turned = torch.atan2(parts[:, 3:], parts[:, 2:3])
-        return self._stored(parts[:, :2] * half + centre, turned)
+        return self._to_storage(parts[:, :2] * half + centre, turned)
 
-    def _stored(self, offsets: Tensor, turned: Tensor) -> Tensor:
+    def _to_storage(self, offsets: Tensor, turned: Tensor) -> Tensor:
         """Storage (3N, B) of places (N, 2, B) relative to the carriers', and headings (N, 1, B)."""
         places = offsets
         for _ in range(self.storeys):
@@ -228,7 +227,7 @@ class FormulaGraph:
         """(3N, count) poses, uniform where they may be."""
         random = torch.rand(len(self.low), count, generator=generator, device=self.low.device)
         poses = torch.lerp(self.low, self.high, random).view(self.objects, SIZE, -1)
-        return self._stored(poses[:, :THETA], poses[:, THETA:])
+        return self._to_storage(poses[:, :THETA], poses[:, THETA:])
 
     def margins(self, rows: Tensor) -> tuple[Tensor, Tensor]:
         """Of all atoms in scenes (3N, B): margins (A, B), and their slopes along x, y and theta of each tie's object,
@@ -266,12 +265,12 @@ def refuse_unknown(core: Core, kinds: str) -> None:
         raise RequestError(UNKNOWN_TO_MODEL(names=sorted(strange)))
 
 
-def graph_of(frames: Frames, kinds: str = KINDS, stop: Stop = NEVER) -> FormulaGraph:
+def graph_of(frames: Frames, kinds: str = PRIMITIVE_NAMES, stop: Stop = NEVER) -> FormulaGraph:
     """The graph of a spec, in the frames for what it requires, for networks that know the primitives of `kinds`. Raises
     RequestError for others, and what `stop` raises."""
     core = frames.core
     refuse_unknown(core, kinds)
-    low, high = frames.within({})
+    low, high = frames.bounds_for({})
     form_of: dict[int, tuple[MarginForm, list[int], list[float]]] = {}
     for root in core.labels.values():
         for node in atoms_below(core, root):
@@ -281,7 +280,7 @@ def graph_of(frames: Frames, kinds: str = KINDS, stop: Stop = NEVER) -> FormulaG
     place = {node: number for number, node in enumerate(atoms)}
     ties: list[tuple[int, int, int]] = []
     carried: list[tuple[int, int]] = []
-    alike: dict[MarginForm, list[_Alike]] = {}
+    alike: dict[MarginForm, list[AlikeAtoms]] = {}
     for number, node in enumerate(atoms):
         stop.check()
         form, objects, numbers = form_of[node]
@@ -296,7 +295,7 @@ def graph_of(frames: Frames, kinds: str = KINDS, stop: Stop = NEVER) -> FormulaG
                 carried.append((tie_of[thing], tie_of[under]))
         reads = torch.tensor([row_of(one, axis) for one in objects for axis in range(SIZE)])
         sizes = torch.tensor(numbers, dtype=torch.float32)
-        one = _Alike(torch.tensor([number]), reads[None], sizes[None], mine[None])
+        one = AlikeAtoms(torch.tensor([number]), reads[None], sizes[None], mine[None])
         alike.setdefault(form, []).append(one)
     junctions, label_of, below, roots = list[list[float]](), list[int](), list[tuple[int, int]](), []
     for label, (name, root) in enumerate(core.labels.items()):
@@ -329,7 +328,7 @@ def graph_of(frames: Frames, kinds: str = KINDS, stop: Stop = NEVER) -> FormulaG
         ranks=tuple(None if name == REQUIRE else k for k, name in enumerate(core.labels)),
         specs=1,
         storeys=max(len(frames.carriers(one)) for one in range(count)),
-        forms={form: _together(found) for form, found in alike.items()},
+        forms={form: join_alike(found) for form, found in alike.items()},
     )
 
 
@@ -352,53 +351,7 @@ def _atom_features(
     for each in form.nodes:
         if isinstance(each, Apply):
             bag[kinds.index(each.primitive)] += 1.0
-    shown = [max(-3.0, min(3.0, number)) for number in numbers[:NUMBERS]]
+    shown = [max(-3.0, min(3.0, number)) for number in numbers[:SHOWN_NUMBERS]]
     angle = float(cast(Atom, core.nodes[node]).unit == ANGLE)
-    rest = [len(objects) / 3.0, len(numbers) / 4.0, *shown, *[0.0] * (NUMBERS - len(shown)), angle]
+    rest = [len(objects) / 3.0, len(numbers) / 4.0, *shown, *[0.0] * (SHOWN_NUMBERS - len(shown)), angle]
     return torch.cat([torch.tensor(bag).log1p(), torch.tensor(rest)])
-
-
-def union(graphs: Sequence[FormulaGraph]) -> FormulaGraph:
-    """The disjoint union: all that the graphs hold, one after another. `ranks` stay those in each spec."""
-
-    def firsts(sizes: Sequence[int]) -> list[int]:
-        return [0, *accumulate(sizes)][:-1]
-
-    objects, atoms = firsts([one.objects for one in graphs]), firsts([one.atoms for one in graphs])
-    junctions, labels = firsts([one.junctions for one in graphs]), firsts([one.labels for one in graphs])
-    ties = firsts([len(one.ties) for one in graphs])
-    forms: dict[MarginForm, list[_Alike]] = {}
-    for one, atom, thing, tie in zip(graphs, atoms, objects, ties, strict=True):
-        for form, alike in one.forms.items():
-            moved = _Alike(alike.atoms + atom, alike.reads + SIZE * thing, alike.numbers, alike.ties + tie)
-            forms.setdefault(form, []).append(moved)
-
-    def moved_by(name: str, *shifts: list[int]) -> Tensor:
-        """A table of indices, each column shifted by where its graph begins."""
-        parts = [getattr(one, name) for one in graphs]
-        columns = torch.tensor(list(zip(*shifts, strict=True)))
-        return torch.cat(
-            [part + (shift if part.ndim == 2 else shift[0]) for part, shift in zip(parts, columns, strict=True)]
-        )
-
-    things = torch.cat([one.carrier for one in graphs])
-    begins = torch.tensor(objects).repeat_interleave(torch.tensor([one.objects for one in graphs]))
-    shifted = {
-        "ties": moved_by("ties", atoms, objects, [0] * len(graphs)),
-        "below": moved_by("below", atoms, junctions),
-        "roots": moved_by("roots", atoms, labels),
-        "label_of": moved_by("label_of", labels),
-        "carrier": torch.where(things >= 0, things + begins, things),
-        "carried": moved_by("carried", ties, ties),
-        "spec": moved_by("spec", list(range(len(graphs)))),
-    }
-    others = [name for name in TENSORS if name not in shifted]
-    return FormulaGraph(
-        **shifted,
-        **{name: torch.cat([getattr(one, name) for one in graphs]) for name in others},
-        members=tuple(mine + atom for one, atom in zip(graphs, atoms, strict=True) for mine in one.members),
-        ranks=tuple(rank for one in graphs for rank in one.ranks),
-        specs=len(graphs),
-        storeys=max(one.storeys for one in graphs),
-        forms={form: _together(found) for form, found in forms.items()},
-    )

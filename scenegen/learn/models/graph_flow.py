@@ -26,34 +26,34 @@ from scenegen.learn.models.base import Hyper, SceneModel, SpecLoss
 from scenegen.learn.models.card import Layout
 from scenegen.learn.models.checkpoint import read_card, unpack
 from scenegen.learn.models.codec import Codec, Examples
-from scenegen.learn.models.conditioned import detached, given
+from scenegen.learn.models.conditioned import detach_losses, visible_labels
+from scenegen.learn.models.flow import MIN_TIME_LEFT
 from scenegen.learn.models.frames import OBJECT_FEATURES, Frames, frames_of
+from scenegen.learn.models.generator import ATANH_BOUND
 from scenegen.learn.models.graph import (
     ATOM_FEATURES,
     JUNCTION_FEATURES,
-    KINDS,
+    PRIMITIVE_NAMES,
     SLOTS,
     FormulaGraph,
     graph_of,
 )
-from scenegen.learn.robustness.deciding import deciding
+from scenegen.learn.robustness.deciding import deciding_atoms
 from scenegen.pose import SIZE
 from scenegen.search.effort import NEVER, Stop, effort_until_stopped
 
-SCALES = (0.005, 0.02, 0.1, 0.5)  # metres or radians: at which margins are seen
-VIEW = 4  # coordinates of an object: x, y, cosine and sine of its heading
+MARGIN_SCALES = (0.005, 0.02, 0.1, 0.5)  # metres or radians: at which margins are seen
+VIEW_SIZE = 4  # coordinates of an object: x, y, cosine and sine of its heading
 TIMES = 6  # features of the time
 WEAK = 1e-3  # squared slope below which a Newton step is no longer the full one
-LEAST = 0.2  # of time left that weights count: later errors would outweigh all else
-INSIDE = 0.999
 
 
-def seen(margin: Tensor) -> Tensor:
+def squash_margin(margin: Tensor) -> Tensor:
     """(..., B) -> (..., B, 4): a margin at several scales."""
-    return torch.stack([torch.tanh(margin / scale) for scale in SCALES], dim=-1)
+    return torch.stack([torch.tanh(margin / scale) for scale in MARGIN_SCALES], dim=-1)
 
 
-def pooled(source: Tensor, place: Tensor, count: int) -> Tensor:
+def pool_sum(source: Tensor, place: Tensor, count: int) -> Tensor:
     """Sums (count, B, d) of the rows of (E, B, d) by their place (E,)."""
     return source.new_zeros(count, *source.shape[1:]).index_add(0, place, source)
 
@@ -68,7 +68,7 @@ def slots(width: int) -> nn.Embedding:
     return nn.Embedding(SLOTS, width, _weight=torch.empty(SLOTS, width))
 
 
-def told(graph: FormulaGraph, wanted: Tensor) -> tuple[Tensor, Tensor]:
+def condition_vector(graph: FormulaGraph, wanted: Tensor) -> tuple[Tensor, Tensor]:
     """What is wanted of each label (L, B), NaN where it is free: the value, 0 where there is none, and whether there is
     one. What is required is always wanted, to be at least 0."""
     known = ~torch.isnan(wanted) | graph.required[:, None]
@@ -109,7 +109,7 @@ class Rounds(nn.Module):
 
         for number in range(len(self.atom)):
             sent = self.to_atom[number](things).index_select(0, thing) + ties
-            heard = pooled(silu(sent), atom, graph.atoms)
+            heard = pool_sum(silu(sent), atom, graph.atoms)
             mean = mixed(to_junction, atoms)
             junctions = junctions + self.junction[number](torch.cat([junctions, mean], -1))
             above = mixed(from_junction, junctions)
@@ -118,7 +118,7 @@ class Rounds(nn.Module):
                 break
             sent = self.from_atom[number](atoms).index_select(0, atom)
             sent = sent + self.to_object[number](things).index_select(0, thing) + ties
-            heard = pooled(silu(sent), thing, graph.objects)
+            heard = pool_sum(silu(sent), thing, graph.objects)
             things = self.object_norm[number](things + self.object[number](torch.cat([things, heard], -1)))
         return things, atoms
 
@@ -128,13 +128,16 @@ class GoalNetwork(nn.Module):
 
     def __init__(self, width: int, rounds: int, atom_features: int) -> None:
         super().__init__()
-        self.object_kind, self.object_now = nn.Linear(OBJECT_FEATURES, width), nn.Linear(VIEW + TIMES, width)
+        self.object_kind, self.object_now = nn.Linear(OBJECT_FEATURES, width), nn.Linear(VIEW_SIZE + TIMES, width)
         self.object_first = mlp(width, width)
-        self.atom_kind, self.atom_now = mlp(atom_features, width, width), nn.Linear(2 * len(SCALES) + 2, width)
-        self.junction_kind, self.junction_now = nn.Linear(JUNCTION_FEATURES, width), nn.Linear(len(SCALES) + 1, width)
+        self.atom_kind, self.atom_now = mlp(atom_features, width, width), nn.Linear(2 * len(MARGIN_SCALES) + 2, width)
+        self.junction_kind, self.junction_now = (
+            nn.Linear(JUNCTION_FEATURES, width),
+            nn.Linear(len(MARGIN_SCALES) + 1, width),
+        )
         self.slot, self.tie_now = slots(width), nn.Linear(2 * SIZE, width)
         self.rounds = Rounds(width, rounds, rounds)
-        self.made = nn.Linear(width, VIEW + SIZE)  # shifts, and gates of x, y and heading
+        self.made = nn.Linear(width, VIEW_SIZE + SIZE)  # shifts, and gates of x, y and heading
         self.push = nn.Linear(width, SIZE)  # along the Newton step of each tie
 
     def forward(
@@ -155,30 +158,30 @@ class GoalNetwork(nn.Module):
         things = self.object_kind(graph.object_features)[:, None] + self.object_now(torch.cat([point, waves], -1))
         things = self.object_first(silu(things))
 
-        value, known = told(graph, wanted)
+        value, known = condition_vector(graph, wanted)
         at, label = graph.roots[:, 0], graph.roots[:, 1]
-        times = pooled(known[label], at, graph.atoms)
-        aim = pooled(value[label], at, graph.atoms) / times.clamp_min(1.0)
+        times = pool_sum(known[label], at, graph.atoms)
+        aim = pool_sum(value[label], at, graph.atoms) / times.clamp_min(1.0)
         aimed = (times > 0.0).to(aim)
         gap = (aim - margins) * aimed
-        now = torch.cat([seen(margins), seen(gap), active[..., None], aimed[..., None]], -1)
+        now = torch.cat([squash_margin(margins), squash_margin(gap), active[..., None], aimed[..., None]], -1)
         atoms = self.atom_kind(graph.atom_features)[:, None] + self.atom_now(now)
 
         of = graph.label_of
-        now = torch.cat([known[of][..., None], seen(value[of])], -1)
+        now = torch.cat([known[of][..., None], squash_margin(value[of])], -1)
         junctions = self.junction_kind(graph.junction_features)[:, None] + self.junction_now(now)
 
         steep = slopes * graph.extent()
         atom = graph.ties[:, 0]
-        square = pooled(steep.square().sum(-1, keepdim=True), atom, graph.atoms)[..., 0]
+        square = pool_sum(steep.square().sum(-1, keepdim=True), atom, graph.atoms)[..., 0]
         step = ((gap / square.clamp_min(WEAK)).index_select(0, atom)[..., None] * steep).clamp(-1.0, 1.0)
         ties = self.slot(graph.ties[:, 2])[:, None] + self.tie_now(torch.cat([steep.clamp(-3.0, 3.0), 3.0 * step], -1))
 
         things, atoms = self.rounds(graph, things, atoms, junctions, ties)
         made = self.made(things)
-        pushed = pooled(self.push(silu(atoms.index_select(0, atom) + ties)) * step, graph.ties[:, 1], graph.objects)
-        shift, gate = made[..., :VIEW], made[..., VIEW:]
-        still = torch.atanh(point[..., :2].clamp(-INSIDE, INSIDE))
+        pushed = pool_sum(self.push(silu(atoms.index_select(0, atom) + ties)) * step, graph.ties[:, 1], graph.objects)
+        shift, gate = made[..., :VIEW_SIZE], made[..., VIEW_SIZE:]
+        still = torch.atanh(point[..., :2].clamp(-ATANH_BOUND, ATANH_BOUND))
         places = torch.tanh(still * gate[..., :2] + shift[..., :2] + pushed[..., :2])
         cosine, sine = point[..., 2:3], point[..., 3:]
         turned = torch.cat([-sine, cosine], -1) * pushed[..., 2:]
@@ -192,21 +195,24 @@ class BranchNetwork(nn.Module):
     def __init__(self, width: int, rounds: int, atom_features: int) -> None:
         super().__init__()
         self.object_kind, self.slot = mlp(OBJECT_FEATURES, width, width), slots(width)
-        self.atom_kind, self.atom_now = mlp(atom_features, width, width), nn.Linear(len(SCALES) + 2, width)
-        self.junction_kind, self.junction_now = nn.Linear(JUNCTION_FEATURES, width), nn.Linear(len(SCALES) + 1, width)
+        self.atom_kind, self.atom_now = mlp(atom_features, width, width), nn.Linear(len(MARGIN_SCALES) + 2, width)
+        self.junction_kind, self.junction_now = (
+            nn.Linear(JUNCTION_FEATURES, width),
+            nn.Linear(len(MARGIN_SCALES) + 1, width),
+        )
         self.rounds = Rounds(width, rounds, rounds - 1)
         self.out = nn.Linear(width, 1)
 
     def forward(self, graph: FormulaGraph, wanted: Tensor, active: Tensor) -> Tensor:
         """Logits (A, B)."""
-        value, known = told(graph, wanted)
+        value, known = condition_vector(graph, wanted)
         at, label = graph.roots[:, 0], graph.roots[:, 1]
-        times = pooled(known[label], at, graph.atoms)
-        aim = pooled(value[label], at, graph.atoms) / times.clamp_min(1.0)
-        now = torch.cat([seen(aim), active[..., None], (times > 0.0).to(aim)[..., None]], -1)
+        times = pool_sum(known[label], at, graph.atoms)
+        aim = pool_sum(value[label], at, graph.atoms) / times.clamp_min(1.0)
+        now = torch.cat([squash_margin(aim), active[..., None], (times > 0.0).to(aim)[..., None]], -1)
         atoms = self.atom_kind(graph.atom_features)[:, None] + self.atom_now(now)
         of = graph.label_of
-        now = torch.cat([known[of][..., None], seen(value[of])], -1)
+        now = torch.cat([known[of][..., None], squash_margin(value[of])], -1)
         junctions = self.junction_kind(graph.junction_features)[:, None] + self.junction_now(now)
         things = self.object_kind(graph.object_features)[:, None].expand(-1, wanted.shape[1], -1)
         ties = self.slot(graph.ties[:, 2])[:, None].expand(-1, wanted.shape[1], -1)
@@ -227,7 +233,7 @@ class GraphHyper(Hyper):
     rounds: int = Field(default=3, ge=1, le=16)
     chooser: int = Field(default=48, ge=1, le=1024)
     steps: int = Field(default=2, ge=1, le=1000)
-    primitives: str = Field(default=KINDS, pattern=r"^\w+( \w+)*$")
+    primitives: str = Field(default=PRIMITIVE_NAMES, pattern=r"^\w+( \w+)*$")
 
 
 CHOOSING = 2  # rounds about branches
@@ -259,7 +265,7 @@ class Networks(nn.Module):
         with torch.no_grad():
             self.goal.made.weight.mul_(0.1)
             self.goal.made.bias.zero_()
-            self.goal.made.bias[VIEW:] = 1.0
+            self.goal.made.bias[VIEW_SIZE:] = 1.0
             self.goal.push.weight.zero_()
             self.goal.push.bias.zero_()
 
@@ -270,7 +276,7 @@ class Networks(nn.Module):
         places among the graph's: the squared error of the velocity, a mean over specs and objects, and the mean
         surprise at branches (nats)."""
         return {
-            "velocity": self._velocity(graph, rows, wanted, marked(graph, wanted, deciders), generator),
+            "velocity": self._velocity(graph, rows, wanted, mark_deciders(graph, wanted, deciders), generator),
             "branch": self._surprise(graph, wanted, deciders),
         }
 
@@ -283,7 +289,7 @@ class Networks(nn.Module):
         time = torch.rand(graph.specs, count, 1, generator=generator, device=rows.device)[graph.spec]
         point = torch.lerp(begin, end, time)
         goal = self.goal(graph, point, time, wanted, active, *graph.margins(graph.storage(point)))
-        off = ((goal - end) / (1.0 - time).clamp_min(LEAST)).square() * free
+        off = ((goal - end) / (1.0 - time).clamp_min(MIN_TIME_LEFT)).square() * free
         mean: Tensor = (off.sum(-1) * graph.share).sum() / (graph.share.sum() * count)
         return mean
 
@@ -291,7 +297,7 @@ class Networks(nn.Module):
         known = (~torch.isnan(wanted) & (deciders >= 0)).to(wanted)
         so_far, surprise = torch.full_like(deciders, -1), wanted.new_zeros(())
         for labels in graph.in_order():
-            logits = self.branch(graph, wanted, marked(graph, wanted, so_far))
+            logits = self.branch(graph, wanted, mark_deciders(graph, wanted, so_far))
             for label in labels:
                 mine = graph.members[label]
                 place = torch.searchsorted(mine, deciders[label].contiguous()).clamp_max(len(mine) - 1)
@@ -306,7 +312,7 @@ class Networks(nn.Module):
         """A deciding atom for each label that is wanted, (L, B) places among the atoms, -1 elsewhere."""
         found = torch.full(wanted.shape, -1, device=wanted.device)
         for labels in graph.in_order():
-            logits = self.branch(graph, wanted, marked(graph, wanted, found))
+            logits = self.branch(graph, wanted, mark_deciders(graph, wanted, found))
             for label in labels:
                 mine = graph.members[label]
                 up_to = torch.softmax(logits[mine], 0).cumsum(0).T.contiguous()
@@ -327,7 +333,7 @@ class Networks(nn.Module):
     ) -> Tensor:
         """Scenes (3N, B) in so many steps, each with the velocity of its middle (the midpoint rule)."""
         count = wanted.shape[1]
-        active, free = marked(graph, wanted, deciders), graph.free()
+        active, free = mark_deciders(graph, wanted, deciders), graph.free()
         start = graph.base(count, generator)
         point = graph.view(start)
 
@@ -347,7 +353,7 @@ class Networks(nn.Module):
         return torch.where(free[:, 0, :SIZE].reshape(-1, 1), graph.storage(point), start)
 
 
-def marked(graph: FormulaGraph, wanted: Tensor, deciders: Tensor) -> Tensor:
+def mark_deciders(graph: FormulaGraph, wanted: Tensor, deciders: Tensor) -> Tensor:
     """(A, B): 1 where an atom decides a label that is given."""
     known = (~torch.isnan(wanted) & (deciders >= 0)).to(wanted)
     active = wanted.new_zeros(graph.atoms, wanted.shape[1])
@@ -357,7 +363,7 @@ def marked(graph: FormulaGraph, wanted: Tensor, deciders: Tensor) -> Tensor:
 # The weights that come with the package.
 
 
-FORMAT = "scenegen/any"
+WEIGHTS_FORMAT = "scenegen/any"
 WEIGHTS = Path(__file__).with_name("any.safetensors")
 
 
@@ -376,25 +382,29 @@ class WeightsCard(BaseModel):
 
 
 @cache
-def shipped() -> tuple[WeightsCard, dict[str, Tensor]]:
+def shipped_weights() -> tuple[WeightsCard, dict[str, Tensor]]:
     """The card and the weights of `Networks`; they are shared, so copy what is to change."""
     what = "the model of any spec"
-    text, tensors = unpack(WEIGHTS, FORMAT, what)
+    text, tensors = unpack(WEIGHTS, WEIGHTS_FORMAT, what)
     return read_card(WeightsCard, text, WEIGHTS, what), tensors
 
 
 # The model: both networks and the formula of one spec.
 
-PIECE, FEWEST = 4096, 128  # atoms of all scenes that are made at a time, which stay in cache; and scenes, at least
-LIVE = 1 << 16  # ties of these scenes at most: 17 MB for each layer of the network, a third of a second to evaluate it
-FINEST = 0.01  # step of the ends of phi, metres or radians, that frames are made for
+MADE_ATOMS, MIN_MADE_SCENES = (
+    4096,
+    128,
+)  # atoms of all scenes that are made at a time, which stay in cache; and scenes, at least
+MAX_LIVE_TIES = (
+    1 << 16
+)  # ties of these scenes at most: 17 MB for each layer of the network, a third of a second to evaluate it
+MIN_PHI_STEP = 0.01  # step of the ends of phi, metres or radians, that frames are made for
 
 
 class GraphFlow(SceneModel):
     """See the module's text. Fresh weights are those that come with the package, where the settings are theirs."""
 
     hyper_class = GraphHyper
-    branched = True
     thorough = True
     graph: FormulaGraph
     frames: Frames
@@ -411,7 +421,7 @@ class GraphFlow(SceneModel):
 
     def initialise(self, generator: torch.Generator) -> None:
         """The weights that come with the package; fresh ones where the settings are not theirs."""
-        card, weights = shipped()
+        card, weights = shipped_weights()
         if self.hyper.model_copy(update={"steps": 1}) == GraphHyper.model_validate({**card.hyper, "steps": 1}):
             self.networks.load_state_dict({name: one.clone() for name, one in weights.items()}, assign=True)
         else:
@@ -422,33 +432,37 @@ class GraphFlow(SceneModel):
 
     def update(self, batch: Examples, generator: torch.Generator) -> dict[str, Tensor]:
         rows = self.codec.decode(batch.x)
-        wanted = batch.phi if not self.layout.partial else torch.where(given(batch, generator), batch.phi, torch.nan)
+        wanted = (
+            batch.phi
+            if not self.layout.partial
+            else torch.where(visible_labels(batch, generator), batch.phi, torch.nan)
+        )
         graph = self._graph(rows.device)
-        deciders = graph.places(deciding(self.frames.core, rows))
-        losses = self.networks.losses(graph, rows, self._all(wanted.T), deciders, generator)
+        deciders = graph.places(deciding_atoms(self.frames.core, rows))
+        losses = self.networks.losses(graph, rows, self._with_requirement(wanted.T), deciders, generator)
         optimiser = self.optimisers["all"]
         optimiser.zero_grad()
         torch.autograd.backward(losses["velocity"] + losses["branch"])
         optimiser.step()
-        return detached(**losses)
+        return detach_losses(**losses)
 
     def _graph(self, device: torch.device) -> FormulaGraph:
         if self.graph.low.device != device:
             self.graph = self.graph.to(device)
         return self.graph
 
-    def _framed(self, phi: Tensor) -> FormulaGraph:
+    def _graph_in_frames(self, phi: Tensor) -> FormulaGraph:
         """The graph in the frames for these phi, (n, L) or (L,), NaN where a label is free. Ends are rounded outwards,
         so that most calls for a request contract the same box, which the tape keeps."""
         ends: dict[str, tuple[float, float]] = {}
         for label, mine in zip(self.frames.spec.labels, phi.T, strict=True):
             low, high = float(mine.min()), float(mine.max())  # NaN if any is
             if not math.isnan(low):
-                step = max(FINEST, 2.0 ** math.ceil(math.log2(max(high - low, FINEST))) / 8.0)
+                step = max(MIN_PHI_STEP, 2.0 ** math.ceil(math.log2(max(high - low, MIN_PHI_STEP))) / 8.0)
                 ends[label] = math.floor(low / step) * step, math.ceil(high / step) * step
-        return self._graph(phi.device).framed(self.frames, ends)
+        return self._graph(phi.device).in_frames(self.frames, ends)
 
-    def _all(self, wanted: Tensor) -> Tensor:
+    def _with_requirement(self, wanted: Tensor) -> Tensor:
         """phi of the labels (L, B), and NaN for what is required, if anything is."""
         return torch.cat([wanted, wanted.new_full((self.graph.labels - len(wanted), wanted.shape[1]), torch.nan)])
 
@@ -460,9 +474,9 @@ class GraphFlow(SceneModel):
         self, n: int, phi: Tensor, generator: torch.Generator, branch: Tensor | None = None, stop: Stop = NEVER
     ) -> tuple[Tensor, Tensor]:
         """As `sample`. A branch (n, L) is the deciding atom of each label, a place among the graph's atoms."""
-        graph = self._framed(phi)
-        wanted = self._all(phi.expand(n, -1).T.contiguous())
-        size = max(1, min(max(FEWEST, PIECE // graph.atoms), LIVE // max(1, len(graph.ties))))
+        graph = self._graph_in_frames(phi)
+        wanted = self._with_requirement(phi.expand(n, -1).T.contiguous())
+        size = max(1, min(max(MIN_MADE_SCENES, MADE_ATOMS // graph.atoms), MAX_LIVE_TIES // max(1, len(graph.ties))))
         made, branches = [], []
         for start in range(0, n, size):
             stop.check()

@@ -16,35 +16,25 @@ if TYPE_CHECKING:
 MODELS: dict[str, str] = {
     "gan": "scenegen.learn.models.games:GAN",
     "aae": "scenegen.learn.models.games:AAE",
-    "energy": "scenegen.learn.models.energy:Energy",
     "flow": "scenegen.learn.models.flow:Flow",
     "any": "scenegen.learn.models.graph_flow:GraphFlow",
 }
-PUBLISHED: dict[str, str] = {
-    "gan": "scenegen.learn.models.published:PublishedGAN",
-    "aae": "scenegen.learn.models.published:PublishedAAE",
-}
-RECIPES: dict[str, dict[str, str]] = {"default": MODELS, "paper": PUBLISHED}
 
 
-def model_class(name: str, recipe: str = "default") -> type[SceneModel]:
-    """The class of a model by name. Raises RequestError, with the nearest name, for a model or recipe there is not."""
-    if recipe not in RECIPES:
-        raise RequestError(UNKNOWN_CHOICE(what="recipe", name=recipe, known=RECIPES))
-    table = RECIPES[recipe]
-    if name not in table:
-        named = {} if name not in MODELS else {"plural": f"models of the {recipe} recipe"}
-        raise RequestError(UNKNOWN_CHOICE(what="model", name=name, known=table, **named))
-    module, _, attribute = table[name].partition(":")
-    found: type[SceneModel] = getattr(importlib.import_module(module), attribute)
-    return found
+def model_class(name: str) -> type[SceneModel]:
+    """The class of a model by name. Raises RequestError, with the nearest name, for a model there is not."""
+    if name not in MODELS:
+        raise RequestError(UNKNOWN_CHOICE(what="model", name=name, known=MODELS))
+    module, _, attribute = MODELS[name].partition(":")
+    model: type[SceneModel] = getattr(importlib.import_module(module), attribute)
+    return model
 
 
-def parse_hyper(name: str, values: Mapping[str, float], recipe: str = "default") -> Hyper:
+def parse_hyper(name: str, values: Mapping[str, float]) -> Hyper:
     """The model's own settings, checked. Raises RequestError for an unknown setting or a value out of its range."""
     from pydantic import ValidationError
 
-    settings = model_class(name, recipe).hyper_class
+    settings = model_class(name).hyper_class
     if not isinstance(values, Mapping):
         wanted = 'settings by name: hyper={"width": 128}'
         raise RequestError(WRONG_VALUE(argument="hyper", value=repr(values), wanted=wanted))

@@ -33,7 +33,6 @@ from scenegen.lang.formula.interpret import (
 )
 from scenegen.pose import AXES, NAMES, SIZE, THETA, TWO_PI, axis_of, owner, row_count, row_of
 
-# --------------------------------------------------------------------------------------------------------------------
 # The primitives' functions over torch tensors.
 
 
@@ -108,7 +107,6 @@ class _TorchNamespace:
 TORCH: Namespace = _TorchNamespace()
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # The tape of a core formula, run once over torch tensors.
 
 
@@ -207,12 +205,14 @@ class _Tensors(Numbers):
         values = self._values.__getitem__
         least = nearest(pairs, values)
         if least is None:
-            least = functools.reduce(torch.minimum, every(pairs, values, partial(GAP, self.namespace)))
+            least = functools.reduce(torch.minimum, every(pairs, values, partial(EVALUATE_GAP, self.namespace)))
         return with_others(pairs, least, values, torch.minimum)
 
 
-GAP = PRIMITIVES["gap"].evaluate
-SHARE = 0.5  # of the gaps of a minimum: where more may decide, computing all, with each heading turned once, is cheaper
+EVALUATE_GAP = PRIMITIVES["gap"].evaluate
+MAX_NEAR_SHARE = (
+    0.5  # of the gaps of a minimum: where more may decide, computing all, with each heading turned once, is cheaper
+)
 
 
 def nearest(pairs: NearestPairs, values: Callable[[int], Tensor], which: Tensor | None = None) -> Tensor | None:
@@ -220,10 +220,10 @@ def nearest(pairs: NearestPairs, values: Callable[[int], Tensor], which: Tensor 
     `which`, (B,) int32, where that is given. Without gradients, on the CPU."""
 
     def of_arrays(a: Footprint, b: Footprint, *numbers: Any) -> Any:
-        return GAP(TORCH, a, b, *map(torch.from_numpy, numbers)).numpy()
+        return EVALUATE_GAP(TORCH, a, b, *map(torch.from_numpy, numbers)).numpy()
 
     atoms = None if which is None else which.numpy()
-    found = minimum(pairs, lambda node: values(node).detach().numpy(), of_arrays, share=SHARE, which=atoms)
+    found = minimum(pairs, lambda node: values(node).detach().numpy(), of_arrays, share=MAX_NEAR_SHARE, which=atoms)
     return None if found is None else torch.from_numpy(found)
 
 
@@ -252,7 +252,6 @@ def _junction(kind: str, args: list[Any], beta: float | None) -> Any:
     return functools.reduce(step, args)
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Headings brought to [0, 2 pi), where a formula takes them as numbers.
 
 
@@ -276,7 +275,6 @@ def coordinates(rows: Callable[[int], Any], bare: frozenset[int]) -> Callable[[i
     return coordinate
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # Tensors inside the transforms of torch.func (vmap, grad, jvp and what is made of them).
 #
 # There a tensor is a wrapper around the one that holds the numbers: nothing can be written into plain tensors from
@@ -284,23 +282,27 @@ def coordinates(rows: Callable[[int], Any], bare: frozenset[int]) -> Callable[[i
 # torch.func itself is made of, and a test calls them through it.
 
 
-def transformed(tensor: Tensor) -> bool:
+def is_transformed(tensor: Tensor) -> bool:
     """Whether a transform is at work on the tensor."""
     return bool(_functorch.is_functorch_wrapped_tensor(tensor))
 
 
 def plain(tensor: Tensor) -> Tensor:
     """The numbers behind all wrappers, those of every member of a vmap at once, in a shape of its own."""
-    while transformed(tensor):
+    while is_transformed(tensor):
         tensor = _functorch.get_unwrapped(tensor)
     return tensor
 
 
 # Scenes at a time when no gradient is wanted, in float64; twice as many in float32: intermediates of 256 KiB. On a core
 # with 1 MiB of cache, half of that was not faster for any formula, with or without footprints, and often slower.
-CHUNK = 32_768
-LIVE = 1 << 24  # numbers in float64 that are alive at a time; specs of thousands of atoms get smaller chunks
-HELD = 1e-9  # metres and radians by which an object that the spec holds may be off, beside what its dtype rounds
+CHUNK_SCENES = 32_768
+MAX_LIVE_NUMBERS = (
+    1 << 24
+)  # numbers in float64 that are alive at a time; specs of thousands of atoms get smaller chunks
+HELD_TOLERANCE = (
+    1e-9  # metres and radians by which an object that the spec holds may be off, beside what its dtype rounds
+)
 
 Held = Mapping[int, tuple[float, float, float]]
 
@@ -330,8 +332,8 @@ class Robustness:
         self._dead_nearest = self._minima.last_uses(self._scored)
         self._bare = bare_rows(self._scored)
         pairs = max((len(one.atoms) for one in self._minima.by_node.values()), default=0)
-        self._most = max(256, LIVE // (pairs + max(most_alive(self._dead), most_alive(self._dead_nearest))))
-        self._chunk = min(CHUNK, self._most)
+        self._most = max(256, MAX_LIVE_NUMBERS // (pairs + max(most_alive(self._dead), most_alive(self._dead_nearest))))
+        self._chunk = min(CHUNK_SCENES, self._most)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _again, (self.core, self.held)
@@ -367,7 +369,7 @@ class Robustness:
             raise ValueError(f"coordinates must be float32 or float64, not {str(rows.dtype).removeprefix('torch.')}")
         if check:
             self._refuse_nonfinite(rows)
-            found = None if transformed(rows) else elsewhere(self.held, rows.detach())
+            found = None if is_transformed(rows) else elsewhere(self.held, rows.detach())
             if found is not None:
                 which, scene = found
                 raise ValueError(held_elsewhere(self.objects[which], self.held[which], f"in scene {scene}"))
@@ -377,7 +379,7 @@ class Robustness:
             return torch.stack(self._run(rows, beta))
         shape = (len(self.labels), rows.shape[1])
         wider = 2 if rows.dtype == torch.float32 else 1
-        if transformed(rows):  # no plain tensor takes what comes out
+        if is_transformed(rows):  # no plain tensor takes what comes out
             if out is not None:
                 raise ValueError("torch.func cannot transform what is written into `out`; leave it out")
             parts = torch.split(rows, wider * self._chunk, dim=1)
@@ -398,7 +400,7 @@ class Robustness:
         # One sum, at the speed of memory, carries any NaN or infinity; only then is it worth to look where.
         if bool(torch.isfinite(plain(rows).detach().sum())):
             return
-        if transformed(rows):
+        if is_transformed(rows):
             if not bool(torch.isfinite(plain(rows)).all()):
                 raise ValueError("a coordinate is not finite, in one of the scenes that torch.func works on at once")
             return
@@ -437,7 +439,7 @@ def elsewhere(held: Held, rows: Tensor) -> tuple[int, int] | None:
             off = (rows[row_of(index, axis)] - value).abs()
             if axis == THETA:
                 off = (off - TWO_PI * (off / TWO_PI).round()).abs()
-            far = off > HELD + 4.0 * torch.finfo(rows.dtype).eps * max(1.0, abs(value), math.pi)
+            far = off > HELD_TOLERANCE + 4.0 * torch.finfo(rows.dtype).eps * max(1.0, abs(value), math.pi)
             if bool(far.any()):
                 return index, int(far.nonzero()[0])
     return None

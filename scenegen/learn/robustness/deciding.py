@@ -15,26 +15,28 @@ from scenegen.geometry.footprint import Box, Circle
 from scenegen.geometry.namespace import Turning
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node, last_uses, part_of
 from scenegen.lang.formula.interpret import Algebra, GapMinima, bare_rows, every, fold
-from scenegen.learn.robustness.compile import GAP, NO_MINIMA, TORCH, coordinates, minima_of, nearest, run
+from scenegen.learn.robustness.compile import EVALUATE_GAP, NO_MINIMA, TORCH, coordinates, minima_of, nearest, run
 from scenegen.pose import SIZE, THETA
 
-_CHUNK = 32_768
+_DECIDED_AT_ONCE = 32_768
 
 
-def deciding(core: Core, rows: Tensor) -> Tensor:
+def deciding_atoms(core: Core, rows: Tensor) -> Tensor:
     """The node of the atom that decides each label, (3N, B) storage -> (L, B) int64, on the device of `rows`.
 
     An atom decides where its margin is the label's phi; of several, the first on the way down, as `eval` names it.
     """
     dead = last_uses(core)
-    parts = [decided(core, dead, part.__getitem__, part)[1] for part in torch.split(rows, _CHUNK, dim=1)]
+    parts = [
+        phi_and_deciders(core, dead, part.__getitem__, part)[1] for part in torch.split(rows, _DECIDED_AT_ONCE, dim=1)
+    ]
     if not parts:
         return torch.empty(len(core.labels), 0, dtype=torch.int64, device=rows.device)
     return torch.cat(parts, dim=1).long()
 
 
 @torch.no_grad()
-def decided(
+def phi_and_deciders(
     core: Core,
     dead: list[list[int]],
     coordinate: Callable[[int], Tensor],
@@ -100,7 +102,7 @@ class _ActiveAtoms(Algebra[_Value]):
 
             which = torch.full((self._rows.shape[1],), int(pairs.atoms[0]), dtype=torch.int32)
             least = nearest(pairs, number, which)
-            gaps = [least] if least is not None else every(pairs, number, partial(GAP, self._turning))
+            gaps = [least] if least is not None else every(pairs, number, partial(EVALUATE_GAP, self._turning))
             atoms = [which] if least is not None else torch.from_numpy(pairs.atoms).to(torch.int32)
             args = [*zip(gaps, atoms, strict=True), *(self._values[arg] for arg in pairs.others)]
         (value, winner), *others = args
@@ -110,7 +112,6 @@ class _ActiveAtoms(Algebra[_Value]):
         return value, winner
 
 
-# --------------------------------------------------------------------------------------------------------------------
 # phi of many scenes, and its gradient where it is wanted, through the atom that decides.
 #
 # Of a hard min or max only the deciding atom has a gradient, and it reads few objects. So phi is computed without
@@ -132,7 +133,7 @@ class Slopes:
 
     def __call__(self, rows: Tensor) -> tuple[Tensor, Tensor]:
         """(3N, B) storage -> phi (L, B), and the node of the atom that decides it, (L, B) int32."""
-        return decided(self._core, self._dead, coordinates(rows.__getitem__, self._bare), rows, self._minima)
+        return phi_and_deciders(self._core, self._dead, coordinates(rows.__getitem__, self._bare), rows, self._minima)
 
     def gradient(self, rows: Tensor, atoms: Tensor, where: Tensor) -> Tensor:
         """The gradients (3N, B) of the margins of atoms (B,), as a call names them, in scenes (3N, B), as far as they
@@ -173,7 +174,7 @@ class Slopes:
             alone = part_of(Core(self._core.nodes, {"": margin}, self._core.objects), [""])
             objects = list(dict.fromkeys(node.object for node in alone.nodes if isinstance(node, Coord)))
             sizes: list[float] = []
-            nodes = tuple([general(node, objects, sizes) for node in alone.nodes])
+            nodes = tuple([without_sizes(node, objects, sizes) for node in alone.nodes])
             if nodes not in self._forms:
                 self._forms[nodes] = _form(nodes, tuple(map(str, range(len(objects)))), len(self._forms))
             reads = [SIZE * which + axis for which in objects for axis in range(SIZE)]
@@ -192,7 +193,7 @@ class _Form:
 
     def margin(self, rows: Tensor, sizes: Iterator[Tensor]) -> Tensor:
         """(B,) in scenes (3N, B), for circles and boxes of these `sizes` (B,), in the order of `general`."""
-        nodes = tuple([sized(node, sizes) for node in self.core.nodes])
+        nodes = tuple([with_sizes(node, sizes) for node in self.core.nodes])
         core = Core(nodes, self.core.labels, self.core.objects)
         coordinate = coordinates(rows.__getitem__, self.bare)
         value: Tensor = run(core, self.dead, coordinate, rows.new_tensor)[0]
@@ -213,7 +214,7 @@ class _MarginForm:
     sizes: list[float]
 
 
-def general(node: Node, objects: list[int], sizes: list[float]) -> Node:
+def without_sizes(node: Node, objects: list[int], sizes: list[float]) -> Node:
     """The node with its objects by their places in `objects`, and without the sizes of its circles and boxes, which are
     put into `sizes`."""
     if isinstance(node, Coord):
@@ -246,7 +247,7 @@ class _MixedBoxes(Box):
     __eq__, __hash__ = object.__eq__, object.__hash__
 
 
-def sized(node: Node, sizes: Iterator[Tensor]) -> Node:
+def with_sizes(node: Node, sizes: Iterator[Tensor]) -> Node:
     """The node of `general` with its sizes."""
     if not isinstance(node, Apply) or not node.shapes:
         return node

@@ -10,10 +10,10 @@ from torch import Tensor
 from torch.autograd import forward_ad
 
 from scenegen.lang.formula.timed import Timed, over_time, slide_by_doubling
-from scenegen.learn.robustness.compile import Held, Robustness, elsewhere, held_elsewhere, plain, transformed
+from scenegen.learn.robustness.compile import Held, Robustness, elsewhere, held_elsewhere, is_transformed, plain
 from scenegen.pose import NAMES, SIZE, row_count
 
-STATES = 1 << 18  # states at a time, where no gradient is wanted
+STATES_AT_ONCE = 1 << 18  # states at a time, where no gradient is wanted
 
 
 class TraceRobustness:
@@ -61,13 +61,13 @@ class TraceRobustness:
     def _values(self, poses: Tensor, wanted: list[int]) -> list[Tensor]:
         self._refuse(poses)
         batch, moments = poses.shape[:2]
-        some = max(1, STATES // moments)
+        some = max(1, STATES_AT_ONCE // moments)
         if batch <= some or (poses.requires_grad and torch.is_grad_enabled()):
-            return self._some(poses, wanted)
-        parts = [self._some(part, wanted) for part in torch.split(poses, some)]
+            return self._batch_values(poses, wanted)
+        parts = [self._batch_values(part, wanted) for part in torch.split(poses, some)]
         return [torch.cat(columns) for columns in zip(*parts, strict=True)]
 
-    def _some(self, poses: Tensor, wanted: list[int]) -> list[Tensor]:
+    def _batch_values(self, poses: Tensor, wanted: list[int]) -> list[Tensor]:
         batch, moments = poses.shape[:2]
         if self.timed.steps:
             before = torch.cat([poses[:, :1], poses[:, :-1]], dim=1)
@@ -101,7 +101,7 @@ class TraceRobustness:
                 trace, moment, which, axis = (int(index) for index in bad[0])
                 name = self.objects[which]
                 raise ValueError(f"{NAMES[axis]} of `{name}` at moment {moment} of motion {trace} is not finite")
-        if self.held and not transformed(poses):
+        if self.held and not is_transformed(poses):
             found = elsewhere(self.held, poses.detach().reshape(-1, row_count(want[1])).T)
             if found is not None:
                 which, at = found
@@ -135,7 +135,7 @@ class _TorchTraces:
     def onto(kind: str, a: Tensor, b: Tensor) -> Tensor:
         step = torch.minimum if kind == "min" else torch.maximum
         moments = b.shape[-1]
-        if _followed(a) or _followed(b):
+        if _needs_derivatives(a) or _needs_derivatives(b):
             return torch.cat([step(a[..., :moments], b), a[..., moments:]], dim=-1)
         out: Tensor = torch.empty_like(a)
         step(a[..., :moments], b, out=out[..., :moments])
@@ -146,7 +146,7 @@ class _TorchTraces:
         """Forwards, a few passes of `doubled` are as fast as anything up to 10,000 moments; backwards each costs much.
         So with gradients it is the algorithm of van Herk, Gil and Werman, linear in T: in blocks of `width` moments
         the extremes from t to the end of its block, and those from the start of the next block on."""
-        if not _followed(a) or transformed(a):
+        if not _needs_derivatives(a) or is_transformed(a):
             passed: Tensor = slide_by_doubling(self, kind, a, width)
             return passed
         moments = a.shape[-1]
@@ -161,7 +161,7 @@ class _TorchTraces:
         return out
 
 
-def _followed(a: Tensor) -> bool:
+def _needs_derivatives(a: Tensor) -> bool:
     """Whether something wants derivatives, or a transform is at work."""
     backward = a.requires_grad and torch.is_grad_enabled()
-    return backward or transformed(a) or forward_ad.unpack_dual(a).tangent is not None  # type: ignore[no-untyped-call]
+    return backward or is_transformed(a) or forward_ad.unpack_dual(a).tangent is not None  # type: ignore[no-untyped-call]

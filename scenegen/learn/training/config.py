@@ -28,40 +28,30 @@ from scenegen.errors.requests import (
     UNKNOWN_CHOICE,
     WRONG_VALUE,
 )
-from scenegen.learn.models.registry import MODELS, RECIPES
+from scenegen.learn.models.registry import MODELS
 from scenegen.sampling.request import number
 from scenegen.scenes.formats.registry import FORMATS
 from scenegen.validation import Option, as_path
 
-# The recipes.
-
-
-# The paper's: 50 epochs of Adam at 1e-3 in batches of 32 over 20,000 uniform scenes, at a constant rate.
-PAPER: Mapping[str, object] = {"epochs": 50, "batch_size": 32, "lr": 1e-3, "scenes": 20_000, "data": "uniform"}
-# Ours: exact scenes, balanced in phi; the rate warms up, then falls along a cosine.
-OURS: Mapping[str, object] = {"epochs": 16, "batch_size": 512, "lr": 1e-3, "scenes": 200_000, "data": "balanced"}
-FLOW: Mapping[str, object] = {**OURS, "epochs": 36, "scenes": 100_000}
+# Exact scenes, balanced in phi; the rate warms up, then falls along a cosine.
+BASE: Mapping[str, object] = {"epochs": 16, "batch_size": 512, "lr": 1e-3, "scenes": 200_000, "data": "balanced"}
+FLOW: Mapping[str, object] = {**BASE, "epochs": 36, "scenes": 100_000}
 # What has learnt from many specs needs little of one.
-TUNING: Mapping[str, object] = {**OURS, "epochs": 1, "batch_size": 128, "lr": 5e-4, "scenes": 6_000}
+TUNING: Mapping[str, object] = {**BASE, "epochs": 1, "batch_size": 128, "lr": 5e-4, "scenes": 6_000}
 # Games want many steps more than large batches.
-GAMES: Mapping[str, object] = {**OURS, "batch_size": 256, "epochs": 8}
+GAMES: Mapping[str, object] = {**BASE, "batch_size": 256, "epochs": 8}
 
-DEFAULTS: Mapping[tuple[str, str], Mapping[str, object]] = {
-    ("paper", "gan"): PAPER,
-    ("paper", "aae"): PAPER,
-    ("default", "gan"): GAMES,
-    ("default", "aae"): {**GAMES, "epochs": 6},
-    ("default", "flow"): FLOW,
-    ("default", "energy"): OURS,
-    ("default", "any"): TUNING,
+DEFAULTS: dict[str, Mapping[str, object]] = {
+    "gan": GAMES,
+    "aae": {**GAMES, "epochs": 6},
+    "flow": FLOW,
+    "any": TUNING,
 }
-CONSTANT = frozenset({"paper"})
-"""Recipes whose learning rate does not change."""
 
 GATHERING = "gathering exact scenes"
-"""What a run says that it does for SECONDS of CPU time at most. It cannot tell how long it will take: it draws scenes
-that are ever rarer, and only a batch that has begun has an estimate."""
-SECONDS = 110.0
+"""What a run says that it does for GATHER_SECONDS of CPU time at most. It cannot tell how long it will take: it draws
+scenes that are ever rarer, and only a batch that has begun has an estimate."""
+GATHER_SECONDS = 110.0
 
 
 # The table of data sets. A new one is one file and one line here.
@@ -71,9 +61,8 @@ SECONDS = 110.0
 # (spec, scenes, generator, gathering=None) -> Dataset. The generator (a CPU one) alone determines the outcome; it
 # reports its progress to the gathering, which may end it with RequestError.
 DATASETS: dict[str, str] = {
-    "balanced": "scenegen.learn.training.balanced:balanced",
-    "uniform": "scenegen.learn.training.paper:uniform",
-    "boosted": "scenegen.learn.training.paper:boosted",
+    "balanced": "scenegen.learn.training.balanced:draw_balanced",
+    "uniform": "scenegen.learn.training.dataset:uniform",
 }
 
 
@@ -105,8 +94,8 @@ BOUNDS: dict[str, tuple[float, float]] = {
 }
 UNSET = ("scenes", "patience")  # options that may be None
 
-WARM = 200  # steps
-LEAST = 0.01  # of the rate, at the end
+WARM_STEPS = 200  # steps
+FINAL_RATE_SHARE = 0.01  # of the rate, at the end
 
 
 def parse_settings(options: Sequence[str]) -> dict[str, float]:
@@ -128,9 +117,9 @@ def parse_settings(options: Sequence[str]) -> dict[str, float]:
 
 @dataclass(frozen=True, slots=True)
 class TrainConfig:
-    """`make_config` fills in what a recipe has for the model.
+    """`make_config` fills in the model's defaults.
 
-    `model` and `recipe` name an entry of RECIPES, `hyper` the model's own settings; `device` is `cpu`, `cuda` or
+    `model` names an entry of MODELS, `hyper` the model's own settings; `device` is `cpu`, `cuda` or
     `cuda:1`. `data` is an entry of DATASETS, of which `scenes` are drawn to train on, or a scene file, of which the
     first `scenes` are used (None: all). `phi` are ranges by label, as text (`0:0.2`), in which most of the scenes of
     `balanced` are to lie. `patience` is after how many epochs without a smaller error of phi on held-out
@@ -138,10 +127,7 @@ class TrainConfig:
     diagnostic per value that is out of its range.
     """
 
-    model: Annotated[
-        str, Option("flow, energy, gan or aae; any tunes the model of any spec to yours.", "NAME", hints=MODELS)
-    ]
-    recipe: Annotated[str, Option("default, or paper: the published networks and settings (gan, aae).")]
+    model: Annotated[str, Option("flow, gan or aae; any tunes the model of any spec to yours.", "NAME", hints=MODELS)]
     epochs: Annotated[int, Option("Passes over the training scenes.", typed=int | None)]
     batch_size: Annotated[int, Option("Scenes per step.", typed=int | None)]
     lr: Annotated[float, Option("Learning rate of Adam.", typed=float | None)]
@@ -149,8 +135,7 @@ class TrainConfig:
     data: Annotated[
         str,
         Option(
-            "balanced: exact, flat in phi; uniform; boosted: satisfying scenes perturbed to be more; or a file of "
-            "scenes (.parquet of any size, .jsonl, .json).",
+            "balanced: exact, flat in phi; uniform; or a file of scenes (.parquet of any size, .jsonl, .json).",
             "NAME|FILE",
             typed=str | None,
         ),
@@ -201,10 +186,12 @@ class TrainConfig:
 
     def rate(self, step: int, steps: int) -> float:
         """The learning rate of step 0, 1, .. of all the steps that are planned."""
-        if self.recipe in CONSTANT:
-            return self.lr
-        warm = min(1.0, (step + 1) / WARM)
-        return self.lr * warm * (LEAST + (1.0 - LEAST) * 0.5 * (1.0 + math.cos(math.pi * min(1.0, step / steps))))
+        warm = min(1.0, (step + 1) / WARM_STEPS)
+        return (
+            self.lr
+            * warm
+            * (FINAL_RATE_SHARE + (1.0 - FINAL_RATE_SHARE) * 0.5 * (1.0 + math.cos(math.pi * min(1.0, step / steps))))
+        )
 
     def differences(self, other: TrainConfig) -> list[tuple[str, object, object]]:
         """(name, own value, the other's value) of everything but the epochs that differs."""
@@ -213,14 +200,11 @@ class TrainConfig:
         return [(name, mine[name], theirs[name]) for name in names if mine[name] != theirs[name]]
 
 
-def make_config(model: str, recipe: str = "default", **options: Any) -> TrainConfig:
-    """The settings of a run: the recipe's for the model where an option is None or left out. Raises RequestError."""
-    if recipe not in RECIPES:
-        raise RequestError(UNKNOWN_CHOICE(what="recipe", name=recipe, known=RECIPES))
-    if model not in RECIPES[recipe]:
-        named = {} if model not in MODELS else {"plural": f"models of the {recipe} recipe"}
-        raise RequestError(UNKNOWN_CHOICE(what="model", name=model, known=RECIPES[recipe], **named))
-    known = [entry.name for entry in fields(TrainConfig)][2:]
+def make_config(model: str, **options: Any) -> TrainConfig:
+    """The settings of a run: the model's defaults where an option is None or left out. Raises RequestError."""
+    if model not in MODELS:
+        raise RequestError(UNKNOWN_CHOICE(what="model", name=model, known=MODELS))
+    known = [entry.name for entry in fields(TrainConfig)][1:]
     for name in options:
         if name not in known:
             raise RequestError(UNKNOWN_CHOICE(what="option", name=name, known=known))
@@ -231,8 +215,8 @@ def make_config(model: str, recipe: str = "default", **options: Any) -> TrainCon
         wanted = f"one of {', '.join(DATASETS)}, or the path of a scene file"
         raise RequestError(WRONG_VALUE(argument="data", value=repr(given["data"]), wanted=wanted))
     if is_file(str(given.get("data", ""))):
-        given = {"scenes": None, **given}  # all of them, not as many as the recipe draws
-    return TrainConfig(model, recipe, **{**DEFAULTS[recipe, model], **given})
+        given = {"scenes": None, **given}  # all of them, not as many as are drawn
+    return TrainConfig(model, **{**DEFAULTS[model], **given})
 
 
 def _plain(value: object) -> object:
@@ -265,6 +249,6 @@ def _check_number(name: str, value: object) -> Diagnostic | None:
     kind = "a whole number" if whole else "a number"
     span = f"{lowest:,} to {highest:,}" if whole else f"{lowest:g} to {highest:g}"
     hint = {"seed": "the default is 0", "patience": "leave it out to train all epochs"}.get(
-        name, "leave it out, and the recipe's own value is taken"
+        name, "leave it out, and the model's own value is taken"
     )
     return OUT_OF_RANGE(argument=name, value=repr(value), wanted=f"{kind} from {span}", hint=hint)

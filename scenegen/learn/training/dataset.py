@@ -15,11 +15,12 @@ from scenegen.lang.formula.core import gate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.codec import Codec
 from scenegen.learn.robustness import Robustness
+from scenegen.learn.training.gathering import Gathering
 from scenegen.pose import row_count
 from scenegen.sampling.request import Range
 
-_CHUNK = 65_536
-PATIENCE = 1_000_000  # uniform scenes without which, on average, one that meets what is required must not go
+_DRAWN_AT_ONCE = 65_536
+MAX_FRUITLESS_DRAWS = 1_000_000  # uniform scenes without which, on average, one that meets what is required must not go
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,11 +77,11 @@ def base_draw(
     spec_loss = Robustness(gate(spec.core))
     kept, found, tried = [torch.empty(row_count(len(spec.core.objects)), 0)], 0, 0
     while found < scenes:
-        if tried >= PATIENCE and found * PATIENCE < tried:
+        if tried >= MAX_FRUITLESS_DRAWS and found * MAX_FRUITLESS_DRAWS < tried:
             raise RequestError(TOO_RARE_TO_TRAIN(found=found, tried=tried))
-        rows = _free_draw(spec, _CHUNK, generator)
+        rows = _free_draw(spec, _DRAWN_AT_ONCE, generator)
         kept.append(rows[:, spec_loss.rows(rows)[-1] >= 0.0])
-        found, tried = found + kept[-1].shape[1], tried + _CHUNK
+        found, tried = found + kept[-1].shape[1], tried + _DRAWN_AT_ONCE
         if found_so_far is not None:
             found_so_far(min(found, scenes))
     return torch.cat(kept, dim=1)[:, :scenes].contiguous()
@@ -99,21 +100,28 @@ def held_in_place(spec: CheckedSpec, rows: Tensor) -> Tensor:
     return rows
 
 
-def labelled(spec: CheckedSpec, rows: Tensor) -> Dataset:
+def label_scenes(spec: CheckedSpec, rows: Tensor) -> Dataset:
     """The scenes with their phi."""
     return Dataset(spec.objects, spec.labels, rows, Robustness(spec.core).rows(rows))
+
+
+def uniform(spec: CheckedSpec, scenes: int, generator: torch.Generator, gathering: Gathering | None = None) -> Dataset:
+    """`scenes` scenes, uniform over the workspace and the circle."""
+    gathering = gathering or Gathering()
+    gathering.begin("gathering scenes", scenes)
+    return label_scenes(spec, base_draw(spec, scenes, generator, gathering.reach))
 
 
 # Held-out scenes: which of a data set never train.
 
 
-HELD = 2048  # scenes that are held out at most: the mean error is then known to some percent
-SHARE = 10  # one scene in so many, where that is fewer
+MAX_HELD_OUT = 2048  # scenes that are held out at most: the mean error is then known to some percent
+HELD_OUT_DIVISOR = 10  # one scene in so many, where that is fewer
 
 
 def held_count(scenes: int) -> int:
     """How many scenes are held out beside, or of, that many."""
-    return min(HELD, max(1, scenes // SHARE))
+    return min(MAX_HELD_OUT, max(1, scenes // HELD_OUT_DIVISOR))
 
 
 def held_places(total: int, held: int) -> Tensor:

@@ -23,11 +23,10 @@ from scenegen.errors.files import CANNOT_READ
 from scenegen.errors.learning import DATA_CHANGED, TOO_FEW_IN_FILE, TOO_MANY_TO_TRAIN
 from scenegen.errors.requests import NO_SCENES
 from scenegen.lang.spec import CheckedSpec
-from scenegen.learn.models.codec import MOST, OTHER, Codec, Examples, survey, ways_of
-from scenegen.learn.models.registry import model_class
+from scenegen.learn.models.codec import MAX_BRANCHES, OTHER, Codec, Examples, survey, ways_of
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.training.config import TrainConfig, dataset_maker, is_file
-from scenegen.learn.training.dataset import Dataset, held_count, held_places, labelled, split
+from scenegen.learn.training.dataset import Dataset, held_count, held_places, label_scenes, split
 from scenegen.learn.training.gathering import Gathering
 from scenegen.learn.training.state import Stream, stream
 from scenegen.pose import row_count, rows_of
@@ -76,12 +75,12 @@ def of_member(reading: SceneFileReading, spec: CheckedSpec) -> tuple[SceneFileRe
     return replace(reading, header=member, blocks=blocks(), count=None), counted
 
 
-WHOLE = 1 << 26  # coordinates and labels of scenes that are held in memory at once: 268 MB as float32
+MEMORY_NUMBERS = 1 << 26  # coordinates and labels of scenes that are held in memory at once: 268 MB as float32
 
 
 def fits(spec: CheckedSpec, scenes: int) -> bool:
     """Whether that many scenes are held in memory. It depends on the spec alone, not on the machine."""
-    return scenes * (row_count(len(spec.core.objects)) + len(spec.labels)) <= WHOLE
+    return scenes * (row_count(len(spec.core.objects)) + len(spec.labels)) <= MEMORY_NUMBERS
 
 
 def whole_file(spec: CheckedSpec, path: Path, scenes: int | None) -> Dataset:
@@ -96,7 +95,7 @@ def whole_file(spec: CheckedSpec, path: Path, scenes: int | None) -> Dataset:
     order = order_of(spec, [one.name for one in header.objects])
     found: list[Tensor] = []
     count = 0
-    for block in limited(reading.blocks, scenes):
+    for block in limit_scenes(reading.blocks, scenes):
         found.append(storage(spec, header, block, order, count))
         count += block.count
         if not fits(spec, count):
@@ -104,10 +103,10 @@ def whole_file(spec: CheckedSpec, path: Path, scenes: int | None) -> Dataset:
     if not count:
         raise DataError(NO_SCENES(file=path, counted=counted))
     check_count(path, count, scenes, counted)
-    return labelled(spec, torch.cat(found, dim=1))
+    return label_scenes(spec, torch.cat(found, dim=1))
 
 
-def limited(blocks: Iterator[Block], scenes: int | None) -> Iterator[Block]:
+def limit_scenes(blocks: Iterator[Block], scenes: int | None) -> Iterator[Block]:
     """The first `scenes` scenes of some blocks."""
     left = scenes
     for block in blocks:
@@ -205,13 +204,13 @@ def look_through(
     gathering.begin(f"reading {path}", total)
     for index, block in zip(groups, _read(path, groups), strict=True):
         start, stop = starts[index], starts[index + 1]
-        data = labelled(spec, storage(spec, header, block.part(0, stop - start), order, start))
+        data = label_scenes(spec, storage(spec, header, block.part(0, stop - start), order, start))
         digest.update(bytes.fromhex(data.sha256))
         away = _inside(out, start, stop)
         held.append(data.take(away))
         mine = data.take(~away)
         chosen.append(mine.take(slice(0, None, every)))
-        extremes = _extremes(mine if extremes is None else joined([extremes, mine]))
+        extremes = _extremes(mine if extremes is None else join_datasets([extremes, mine]))
         ways.update(_count(ways_of(spec, mine.rows)))
         gathering.reach(stop)
     assert extremes is not None
@@ -219,8 +218,8 @@ def look_through(
         spec,
         path,
         total - len(out),
-        joined([*chosen, extremes]),
-        joined(held),
+        join_datasets([*chosen, extremes]),
+        join_datasets(held),
         ways,
         digest.hexdigest(),
         header,
@@ -236,7 +235,7 @@ def _read(path: Path, groups: Sequence[int]) -> Iterator[Block]:
     return blocks
 
 
-def joined(parts: list[Dataset]) -> Dataset:
+def join_datasets(parts: list[Dataset]) -> Dataset:
     """Several data sets as one."""
     first = parts[0]
     rows, phi = (torch.cat([getattr(part, name) for part in parts], dim=1) for name in ("rows", "phi"))
@@ -274,7 +273,7 @@ def _stamp(path: Path) -> tuple[int, int]:
 # Batches.
 
 
-WINDOW = 1 << 24  # coordinates and labels of the scenes of a window
+WINDOW_NUMBERS = 1 << 24  # coordinates and labels of the scenes of a window
 
 
 class Feed(ABC):
@@ -320,9 +319,7 @@ class MemoryFeed(Feed):
         codec = Codec(spec.workspace, len(spec.core.objects))
         training, out = split(data, held)
         self.regions = regions_of(data)
-        branch, self.table = None, _one_branch(spec)
-        if model_class(config.model, config.recipe).branched:
-            branch, self.table = survey(spec, training.rows)
+        branch, self.table = survey(spec, training.rows)
         self.scenes = len(training)
         self.fitting, self.held = _plain(codec, training, branch), _plain(codec, out)
         self._examples = self.fitting.to(self.device)
@@ -341,12 +338,11 @@ class Windows(Feed):
         self.regions = regions_of(data.chosen)
         self._codec = Codec(spec.workspace, len(spec.core.objects))
         self._robustness = Robustness(spec.core)
-        self._branched = model_class(config.model, config.recipe).branched
         self._spec = spec
-        self.table = ranked(data.ways) if self._branched else _one_branch(spec)
+        self.table = rank_branches(data.ways)
         self.fitting = self._examples(data.chosen.rows)
         self.held = _plain(self._codec, data.held)
-        many = WINDOW // (row_count(len(spec.core.objects)) + len(spec.labels)) // self.size
+        many = WINDOW_NUMBERS // (row_count(len(spec.core.objects)) + len(spec.labels)) // self.size
         self._batches = max(1, many)  # of a window
 
     def batches(self, epoch: int, step: int) -> Iterator[Examples]:
@@ -357,9 +353,7 @@ class Windows(Feed):
                 yield from self._cut(self._examples(rows).to(self.device), max(0, first), epoch, 1 + number)
 
     def _examples(self, rows: Tensor) -> Examples:
-        branch = torch.zeros(rows.shape[1], dtype=torch.int64)
-        if self._branched:
-            branch = sorted_into(self._spec, rows, self.table)
+        branch = sorted_into(self._spec, rows, self.table)
         return Examples(self._codec.encode(rows), self._robustness.rows(rows).T.contiguous(), branch)
 
 
@@ -372,10 +366,10 @@ def make_feed(spec: CheckedSpec, config: TrainConfig, gathering: Gathering | Non
         held = held_count(config.scenes)
         make = dataset_maker(config.data)
         if config.phi:
-            from scenegen.learn.training.balanced import balanced
+            from scenegen.learn.training.balanced import draw_balanced
 
             asked = parse_phi([f"{label}={one}" for label, one in config.phi.items()], spec.labels)
-            make = partial(balanced, phi=asked)
+            make = partial(draw_balanced, phi=asked)
         data: Dataset = make(spec, config.scenes + held, stream(config.seed, Stream.DATA), gathering)
         gathering.save(long_ones=True)
         return MemoryFeed(spec, config, data, held)
@@ -399,11 +393,15 @@ def regions_of(data: Dataset) -> tuple[npt.NDArray[np.float64], ...]:
     return tuple(found)
 
 
-def ranked(ways: Mapping[tuple[int, ...], int]) -> Tensor:
+def rank_branches(ways: Mapping[tuple[int, ...], int]) -> Tensor:
     """The table of branches, as scenegen.learn.models.codec.survey makes it, from how often each was met."""
     order = sorted(ways, key=lambda way: (-ways[way], way))
     table = torch.tensor(order, dtype=torch.int64)
-    return table if len(table) <= MOST else torch.cat([table[: MOST - 1], torch.full_like(table[:1], OTHER)])
+    return (
+        table
+        if len(table) <= MAX_BRANCHES
+        else torch.cat([table[: MAX_BRANCHES - 1], torch.full_like(table[:1], OTHER)])
+    )
 
 
 def sorted_into(spec: CheckedSpec, rows: Tensor, table: Tensor) -> Tensor:
@@ -418,7 +416,3 @@ def sorted_into(spec: CheckedSpec, rows: Tensor, table: Tensor) -> Tensor:
 def _plain(codec: Codec, data: Dataset, branch: Tensor | None = None) -> Examples:
     branch = torch.zeros(len(data), dtype=torch.int64) if branch is None else branch
     return Examples(codec.encode(data.rows), data.phi.T.contiguous(), branch, data.balanced)
-
-
-def _one_branch(spec: CheckedSpec) -> Tensor:
-    return torch.full((1, len(spec.labels)), OTHER)

@@ -22,13 +22,13 @@ from scenegen.arrays import Array
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.learning import DAMAGED_MODEL, NO_TIME_TO_TRAIN
 from scenegen.learn.models.checkpoint import pack, read_card, unpack
-from scenegen.learn.training.config import SECONDS
+from scenegen.learn.training.config import GATHER_SECONDS
 from scenegen.processes.process import StopSignal
 from scenegen.scenes.files import write_whole
 from scenegen.search.effort import Budget
 
-FORMAT, WHAT = "scenegen/gathered", "a file of training scenes"
-AT_LEAST = 0.5  # of SECONDS that a batch may take
+GATHERED_FORMAT, GATHERED_FILE = "scenegen/gathered", "a file of training scenes"
+MIN_BATCH_SECONDS = 0.5  # of SECONDS that a batch may take
 SAVE_EVERY = 5.0  # seconds of work that a kill may cost
 
 Tell = Callable[[str, int, int], None]
@@ -93,10 +93,10 @@ class Gathering:
         self.path, self._run = path, run
         if not resume or not path.exists():
             return
-        text, tensors = unpack(path, FORMAT, WHAT)
-        card = read_card(_Progress, text, path, WHAT)
+        text, tensors = unpack(path, GATHERED_FORMAT, GATHERED_FILE)
+        card = read_card(_Progress, text, path, GATHERED_FILE)
         if card.run != run or set(tensors) != set(card.batches):
-            raise DataError(DAMAGED_MODEL(path=path, what=WHAT, reason="it is of a run with other options"))
+            raise DataError(DAMAGED_MODEL(path=path, what=GATHERED_FILE, reason="it is of a run with other options"))
         self._before = card.spent
         self._batches = {key: SceneBatch(tensors[key].numpy(), *facts) for key, facts in card.batches.items()}
 
@@ -121,7 +121,7 @@ class Gathering:
             facts = {key: (one.pieces, one.whole, one.seconds) for key, one in self._batches.items()}
             card = _Progress(run=self._run, spent=self.spent, batches=facts)
             tensors = {key: torch.from_numpy(one.rows) for key, one in self._batches.items()}
-            write_whole(self.path, pack(FORMAT, card.model_dump_json(), tensors))
+            write_whole(self.path, pack(GATHERED_FORMAT, card.model_dump_json(), tensors))
             self._saved_at, self._changed = time.monotonic(), False
         return count if self.path is not None else 0
 
@@ -136,13 +136,13 @@ class Gathering:
         return self._before + time.process_time() - self._began
 
     @property
-    def left(self) -> float:
+    def seconds_left(self) -> float:
         """Seconds of CPU that gathering may still take."""
-        return max(0.0, SECONDS - self.spent)
+        return max(0.0, GATHER_SECONDS - self.spent)
 
     def allow(self, share: float, kept: float = 0.0) -> None:
         """From now on budgets are spent after that share of what is left, but for `kept` seconds."""
-        self._allowed = self.spent + max(AT_LEAST, share * (self.left - kept))
+        self._allowed = self.spent + max(MIN_BATCH_SECONDS, share * (self.seconds_left - kept))
 
     @property
     def overdrawn(self) -> bool:

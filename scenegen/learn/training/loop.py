@@ -20,13 +20,13 @@ from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.checkpoint import TrainedModel, load_model
 from scenegen.learn.models.registry import parse_hyper
-from scenegen.learn.training.config import CONSTANT, TrainConfig, is_file
+from scenegen.learn.training.config import TrainConfig, is_file
 from scenegen.learn.training.feed import make_feed
 from scenegen.learn.training.gathering import Gathering, Tell
 from scenegen.learn.training.session import EpochReport, TrainingSession
 from scenegen.learn.training.state import (
     TrainingState,
-    begun,
+    can_resume,
     gathered_path,
     load_state,
     state_path,
@@ -124,8 +124,8 @@ def train(
     """Train a model and write it to `out`, with the training state beside it in `out`.train.
 
     `resume` goes on from that state; on one CPU the result is then bit-equal to that of a run without a break, wherever
-    the break was. With more epochs than planned at first that holds for recipes with a constant rate alone (`paper`):
-    a rate that falls over the plan follows the new plan from there on, and `on_note` says so. On Ctrl-C,
+    the break was. With more epochs than planned at first, the learning rate, which falls over the plan, follows the
+    new plan from there on, and `on_note` says so. On Ctrl-C,
     SIGTERM and SIGHUP the step under way is finished, the exact state (weights, moments, noise generator, place in the
     epoch) is saved and Interrupted raised. Checkpoints are also written every few seconds, at the end of an epoch.
 
@@ -146,8 +146,8 @@ def train(
     check_writable(state_path(out), *inputs)
     check_writable(gathered_path(out), *inputs)
     _check_device(config.device)
-    parse_hyper(config.model, config.hyper, config.recipe)  # refuses bad settings before any work is done
-    gathering_only = resume and begun(out) and not state_path(out).exists()
+    parse_hyper(config.model, config.hyper)  # refuses bad settings before any work is done
+    gathering_only = resume and can_resume(out) and not state_path(out).exists()
     saved = load_state(state_path(out), spec, config) if resume and not gathering_only else None
     say = on_note or _silent
     with contextlib.ExitStack() as open_things:
@@ -156,16 +156,16 @@ def train(
         with stop_signals() as stop:
             gathering = Gathering(timeout, on_gather, say, stop, until)
             gathering.keep_in(gathered_path(out), _run_of(spec, config), resume)
-            session = _begun(spec, config, gathering, saved)
-        if saved is not None and config.recipe not in CONSTANT and 0 < saved.config.epochs != config.epochs:
+            session = _begin_session(spec, config, gathering, saved)
+        if saved is not None and not session.model.constant_rate and 0 < saved.config.epochs != config.epochs:
             before = saved.config.epochs
             say(NEW_RATE(epochs=config.epochs, before=before))
-        if session.done:
+        if session.is_done:
             if session.epoch >= config.epochs:
                 say(TRAINING_DONE(epochs=session.epoch))
             else:
                 say(_stopped_early(session))
-            found = _held(out, spec, session.epoch)
+            found = _finished_model(out, spec, session.epoch)
             if found is not None:
                 gathering.discard()
                 return found
@@ -178,12 +178,12 @@ def train(
                 say(TRAINING_INTERRUPTED(late=True, done=session.epoch, epochs=config.epochs, path=out))
             elif session.epoch < config.epochs:
                 say(_stopped_early(session))
-        if session.done:
+        if session.is_done:
             gathering.discard()
-    return session.trained(out)
+    return session.trained_model(out)
 
 
-def _begun(
+def _begin_session(
     spec: CheckedSpec, config: TrainConfig, gathering: Gathering, saved: TrainingState | None
 ) -> TrainingSession:
     """The training scenes, and what is learnt before the first step. An interrupt says how far that was."""
@@ -202,7 +202,7 @@ def _run_of(spec: CheckedSpec, config: TrainConfig) -> str:
     return repr((spec.sha256, config.data, config.scenes, config.seed, asked, __version__, np.__version__))
 
 
-def _held(out: Path, spec: CheckedSpec, epochs: int) -> TrainedModel | None:
+def _finished_model(out: Path, spec: CheckedSpec, epochs: int) -> TrainedModel | None:
     """The model of a file, if it is there after so many epochs."""
     try:
         found = load_model(out, spec)
@@ -221,7 +221,7 @@ def _run(
     """Train; returns whether that came to its end before the time `until`."""
     epochs, steps = session.config.epochs, session.steps
     with stop_signals() as stop:
-        while not session.done:
+        while not session.is_done:
             began = time.perf_counter()
             rate = session.rate
             for batch in session.batches():
@@ -236,7 +236,7 @@ def _run(
                 on_step(session.epoch * steps + session.step, epochs * steps)
             losses, found = session.end_epoch()
             seconds = time.perf_counter() - began
-            done, kept = session.epoch, session.watch.kept if session.watch.best is not None else None
+            done, kept = session.epoch, session.watch.best_epoch if session.watch.best is not None else None
             report = EpochReport(
                 done,
                 epochs,
@@ -250,7 +250,7 @@ def _run(
             )
             for each in on_epoch:
                 each(report)
-            if not session.done and session.save_is_due():
+            if not session.is_done and session.save_is_due():
                 session.save(out)
         session.save(out)
         if stop.asked is not None:
@@ -259,7 +259,7 @@ def _run(
 
 
 def _stopped_early(session: TrainingSession) -> Diagnostic:
-    kept = session.watch.kept
+    kept = session.watch.best_epoch
     assert kept is not None
     best = float(session.watch.seen[kept][:-1].mean())
     return TRAINING_DONE(epochs=session.epoch, best=kept + 1, error=best)

@@ -19,7 +19,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from scenegen.learn.training.config import GATHERING, SECONDS
+from scenegen.learn.training.config import GATHER_SECONDS, GATHERING
 from scenegen.learn.training.session import EpochReport
 
 # What a run without a terminal says while scenes are gathered: a line now and then, with numbers and what is left.
@@ -43,7 +43,7 @@ class GatheringLines:
 
     def used(self) -> float:
         """Seconds of CPU so far, SECONDS at most."""
-        return min(SECONDS, self._used() - self._first)
+        return min(GATHER_SECONDS, self._used() - self._first)
 
     def __call__(self, stage: str, done: int, wanted: int) -> str | None:
         now = self._clock()
@@ -55,7 +55,7 @@ class GatheringLines:
         if not wanted:
             return f"{stage}, {now - self._began:.0f} s so far"
         if stage == GATHERING:
-            return f"{stage}: {done:,} of {wanted:,}, at most {SECONDS - self.used():.0f} s of CPU time left"
+            return f"{stage}: {done:,} of {wanted:,}, at most {GATHER_SECONDS - self.used():.0f} s of CPU time left"
         (then, before), self._seen = self._seen, (now, done)
         # The pace since the last line, not the mean: the last scenes are often the rarest.
         pace = (done - before) / (now - then) if now > then else 0.0
@@ -63,7 +63,7 @@ class GatheringLines:
         return f"{stage}: {done:,} of {wanted:,}, {left}"
 
 
-LINES = 10  # plain lines of a run
+MAX_LINES = 10  # plain lines of a run
 
 
 class TrainingProgress:
@@ -119,7 +119,7 @@ class TrainingProgress:
         figures = f"{done:,} of {wanted:,}" if wanted else ""
         if stage == GATHERING:  # of the time that it may take, so that what is left is what it takes at most
             used = self._gathering.used()
-            self._bar.update(self._task, completed=used, total=SECONDS, figures=figures, left="left at most")
+            self._bar.update(self._task, completed=used, total=GATHER_SECONDS, figures=figures, left="left at most")
         else:
             self._bar.update(self._task, completed=done, figures=figures, left="left")
 
@@ -152,7 +152,7 @@ class TrainingProgress:
             )
             return
         first, last = len(self._seconds) == 1, report.epoch == report.epochs
-        if first or last or report.epoch * LINES // report.epochs > (report.epoch - 1) * LINES // report.epochs:
+        if first or last or report.epoch * MAX_LINES // report.epochs > (report.epoch - 1) * MAX_LINES // report.epochs:
             pace = sum(self._seconds) / len(self._seconds)
             left = (report.epochs - report.epoch) * pace
             self._print(f"epoch {report.epoch}/{report.epochs}  {figures}  {pace:.2f} s/epoch, {left:.0f} s left")

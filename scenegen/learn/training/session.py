@@ -16,10 +16,9 @@ from scenegen.errors.learning import DATA_CHANGED, DIVERGED, STATE_MISFIT
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.base import SceneModel, SpecLoss
 from scenegen.learn.models.card import (
-    FORMAT,
+    MODEL_FORMAT,
     DataData,
     LabelData,
-    Layout,
     LossData,
     ModelCard,
     ValidationData,
@@ -70,7 +69,7 @@ def validate(
     made = [model.sample(len(held), held.phi, generator) for _ in range(2)]
     errors = torch.stack([(spec_loss.phi(x) - held.phi).abs().mean(0) for x in made]).mean(0)
     truth, one, two = (_points(x) for x in (held.x, *made))
-    score = 0.5 * (_apart(truth, one) + _apart(truth, two) - _apart(one, two))
+    score = 0.5 * (_mean_distance(truth, one) + _mean_distance(truth, two) - _mean_distance(one, two))
     values = torch.cat([errors.double(), score[None].double()]).tolist()
     return Validation(dict(zip(labels, values, strict=False)), values[-1])
 
@@ -82,7 +81,7 @@ def _points(x: Tensor) -> Tensor:
     return torch.cat([*places, *(function(turn) / TWO_PI for function in (torch.cos, torch.sin) for turn in turns)], 1)
 
 
-def _apart(a: Tensor, b: Tensor) -> Tensor:
+def _mean_distance(a: Tensor, b: Tensor) -> Tensor:
     """The mean Euclidean distance of rows."""
     return (a - b).square().sum(1).sqrt().mean()
 
@@ -125,21 +124,21 @@ class EarlyStopping:
         self.best = best
 
     @property
-    def kept(self) -> int | None:
+    def best_epoch(self) -> int | None:
         """The epoch with the least error so far."""
         errors = [float(row[:-1].mean()) for row in self.seen]
         return errors.index(min(errors)) if errors else None
 
     @property
-    def tired(self) -> bool:
+    def is_tired(self) -> bool:
         """Whether the last `patience` epochs brought nothing better."""
-        kept = self.kept
+        kept = self.best_epoch
         return self.patience is not None and kept is not None and len(self.seen) - 1 - kept >= self.patience
 
     def see(self, found: Validation, model: SceneModel) -> None:
         """Take note of an epoch that is done."""
         self.seen.append(torch.tensor([*found.errors.values(), found.score], dtype=torch.float64))
-        if self.patience is not None and self.kept == len(self.seen) - 1:
+        if self.patience is not None and self.best_epoch == len(self.seen) - 1:
             self.best = {name: tensor.cpu() for name, tensor in model.sampler_state().items()}
 
     def table(self, labels: int) -> Tensor:
@@ -206,13 +205,15 @@ class TrainingSession:
         self.sums = saved.sums.to(self.device) if saved.losses else None
 
     @property
-    def done(self) -> bool:
+    def is_done(self) -> bool:
         """Whether all epochs are done, or patience is at its end."""
-        return self.epoch >= self.config.epochs or self.watch.tired
+        return self.epoch >= self.config.epochs or self.watch.is_tired
 
     @property
     def rate(self) -> float:
         """The learning rate of the next step."""
+        if self.model.constant_rate:
+            return self.config.lr
         return self.config.rate(self.epoch * self.steps + self.step, self.config.epochs * self.steps)
 
     def batches(self) -> Iterator[Examples]:
@@ -267,7 +268,7 @@ class TrainingSession:
         )
         save_state(state_path(out), self.spec, state)
         text, tensors = self._contents()
-        write_whole(out, pack(FORMAT, text, tensors))
+        write_whole(out, pack(MODEL_FORMAT, text, tensors))
         self._saved_at = time.monotonic()
         self._save_cost = self._saved_at - began
 
@@ -276,7 +277,7 @@ class TrainingSession:
         found = tensors_of(self.model, self.feed.regions, self.watch.best)
         return self.card().model_dump_json(), {name: tensor.detach().cpu() for name, tensor in found.items()}
 
-    def trained(self, out: Path) -> TrainedModel:
+    def trained_model(self, out: Path) -> TrainedModel:
         """The model as it is in its file."""
         text, tensors = self._contents()
         return as_trained(ModelCard.model_validate_json(text), tensors, out)
@@ -289,7 +290,7 @@ class TrainingSession:
         """The metadata of the model file. It holds no time of day and no duration, so that runs can be compared."""
         every = -(-len(self.history) // SUMMARY) or 1
         chosen = sorted(range(len(self.history) - 1, -1, -every))
-        kept = self.watch.kept if self.watch.best is not None else None
+        kept = self.watch.best_epoch if self.watch.best is not None else None
         shown = sorted({*chosen, kept}) if kept is not None else chosen  # the kept epoch's figures belong into the card
         watched = self.watch.seen
         space, model = self.spec.workspace, self.model
@@ -297,7 +298,7 @@ class TrainingSession:
         return ModelCard(
             scenegen=__version__,
             model=self.config.model,
-            recipe=self.config.recipe,
+            recipe="default",
             layout=model.layout,
             hyper=model.hyper.model_dump(),
             spec=spec_data(self.spec),
@@ -323,7 +324,7 @@ class TrainingSession:
                 scores=[float(watched[index][-1]) for index in shown],
             ),
             kept_epoch=None if kept is None else kept + 1,
-            corrected=model.branched,
+            corrected=model.corrected,
         )
 
     def _check_finite(self, found: Validation | None = None) -> None:
@@ -337,10 +338,8 @@ class TrainingSession:
 
 def new_model(spec: CheckedSpec, config: TrainConfig, branches: int = 1) -> SceneModel:
     """The model, without weights. Raises RequestError for settings it does not have."""
-    hyper = parse_hyper(config.model, config.hyper, config.recipe)
-    kind = model_class(config.model, config.recipe)
-    plain = Layout(objects=len(spec.core.objects), labels=len(spec.labels))
-    model = kind(layout_of(spec.core, branches) if kind.branched else plain, hyper)
+    hyper = parse_hyper(config.model, config.hyper)
+    model = model_class(config.model)(layout_of(spec.core, branches), hyper)
     model.bind(spec)
     return model
 

@@ -27,8 +27,8 @@ from scenegen.learn.models.checkpoint import pack, read_card, unpack
 from scenegen.learn.training.config import TrainConfig
 from scenegen.scenes.files import write_whole
 
-FORMAT = "scenegen/training"
-WHAT = "a training state"
+STATE_FORMAT = "scenegen/training"
+STATE_FILE = "a training state"
 _RUN = ("history", "sums", "watched", "noise")
 
 
@@ -74,7 +74,7 @@ def gathered_path(out: Path) -> Path:
     return out.with_name(f"{out.name}.scenes")
 
 
-def begun(out: Path) -> bool:
+def can_resume(out: Path) -> bool:
     """Whether there is anything to resume."""
     return state_path(out).exists() or gathered_path(out).exists()
 
@@ -91,7 +91,7 @@ def save_state(path: Path, spec: CheckedSpec, state: TrainingState) -> None:
     )
     extra = {f"run.{name}": getattr(state, name) for name in _RUN}
     extra |= {f"best.{name}": tensor for name, tensor in (state.best or {}).items()}
-    write_whole(path, pack(FORMAT, card.model_dump_json(), {**state.tensors, **extra}))
+    write_whole(path, pack(STATE_FORMAT, card.model_dump_json(), {**state.tensors, **extra}))
 
 
 def load_state(path: Path, spec: CheckedSpec, config: TrainConfig) -> TrainingState:
@@ -102,15 +102,16 @@ def load_state(path: Path, spec: CheckedSpec, config: TrainConfig) -> TrainingSt
     """
     if not path.exists():
         raise DataError(NOTHING_TO_RESUME(path=path))
-    text, tensors = unpack(path, FORMAT, WHAT)
-    card = read_card(_Card, text, path, WHAT)
+    text, tensors = unpack(path, STATE_FORMAT, STATE_FILE)
+    card = read_card(_Card, text, path, STATE_FILE)
     if card.spec.sha256 != spec.sha256:
         raise DataError(MODEL_OF_ANOTHER_SPEC(state=path, found=card.spec.name, wanted=spec.name))
     try:
-        before = TrainConfig(**card.config)
+        kept = {name: value for name, value in card.config.items() if name != "recipe"}  # of earlier versions
+        before = TrainConfig(**kept)
         history, sums, watched, noise = (tensors.pop(f"run.{name}") for name in _RUN)
     except (TypeError, KeyError, RequestError) as error:
-        raise DataError(DAMAGED_MODEL(path=path, what=WHAT)) from error
+        raise DataError(DAMAGED_MODEL(path=path, what=STATE_FILE)) from error
     _check_same(before, config)
     width = len(card.losses)
     shapes_fit = history.shape == (card.epoch, width) and sums.shape == (width,)
@@ -118,7 +119,7 @@ def load_state(path: Path, spec: CheckedSpec, config: TrainConfig) -> TrainingSt
     types_fit = history.dtype == sums.dtype == watched.dtype == torch.float64 and noise.dtype == torch.uint8
     best = {name[5:]: tensors.pop(name) for name in sorted(tensors) if name.startswith("best.")}
     if not (shapes_fit and types_fit and bool(best) == (config.patience is not None and card.epoch > 0)):
-        raise DataError(DAMAGED_MODEL(path=path, what=WHAT))
+        raise DataError(DAMAGED_MODEL(path=path, what=STATE_FILE))
     return TrainingState(
         before,
         card.data_sha256,

@@ -91,7 +91,7 @@ def test_the_permuted_statistics_are_those_of_permuted_sets(true_scenes):
     rng = np.random.default_rng(2)
     pooled = true_scenes(rng, 6)
     exact = []
-    points = module.whitened(features(pooled)).astype(float)
+    points = module.whiten(features(pooled)).astype(float)
     distances = cdist(points, points)
     for code in range(64):
         chosen = [bit for bit in range(6) if code >> bit & 1]
@@ -131,7 +131,7 @@ def test_wrong_samplers_are_seen(name, wrong_scenes):
 def test_without_whitening_projected_scenes_would_pass(monkeypatch, wrong_scenes):
     """Why the test whitens; see the module's docstring."""
     right, wrong = wrong_scenes["projected"]
-    monkeypatch.setattr("experiments.metrics.whitened", lambda points: points.astype(np.float32))
+    monkeypatch.setattr("experiments.metrics.whiten", lambda points: points.astype(np.float32))
     p = []
     for seed in range(3):
         rng = np.random.default_rng(seed)

@@ -3,11 +3,11 @@ import torch
 
 from scenegen.lang.checker import check_text
 from scenegen.learn.models.base import SpecLoss
-from scenegen.learn.models.card import LabelData, Layout, LossData, ModelCard, layout_of, spec_data
+from scenegen.learn.models.card import LabelData, LossData, ModelCard, layout_of, spec_data
 from scenegen.learn.models.checkpoint import save_model
 from scenegen.learn.models.codec import Codec, Examples, survey
 from scenegen.learn.models.registry import model_class, parse_hyper
-from scenegen.learn.training.paper import uniform
+from scenegen.learn.training.dataset import uniform
 from scenegen.scenes.data import WorkspaceData
 
 
@@ -35,12 +35,11 @@ def bound(model, spec):
 class Made:
     """A model with fresh weights, and what it takes to train it."""
 
-    def __init__(self, name, objects=2, labels=2, seed=0, recipe="default", **hyper):
+    def __init__(self, name, objects=2, labels=2, seed=0, **hyper):
         self.spec = plain_spec(objects, labels)
         self.examples, self.spec_loss, table = examples_of(self.spec, 500, seed)
-        kind = model_class(name, recipe)
-        layout = layout_of(self.spec.core, len(table)) if kind.branched else Layout(objects=objects, labels=labels)
-        self.blank = lambda: bound(kind(layout, parse_hyper(name, hyper, recipe)), self.spec)
+        kind, layout = model_class(name), layout_of(self.spec.core, len(table))
+        self.blank = lambda: bound(kind(layout, parse_hyper(name, hyper)), self.spec)
         self.model = self.blank()
         self.model.initialise(torch.Generator().manual_seed(seed))
         self.model.fit(self.examples)
@@ -59,12 +58,12 @@ def new_model(name, *words, **hyper):
     return Made(name, *words, **hyper).model
 
 
-def card_for(name, model, spec, recipe="paper"):
+def card_for(name, model, spec):
     space = spec.workspace
     return ModelCard(
         scenegen="0.1.0",
         model=name,
-        recipe=recipe,
+        recipe="default",
         layout=model.layout,
         hyper=model.hyper.model_dump(),
         spec=spec_data(spec),
@@ -94,8 +93,8 @@ def make_card():
 
 @pytest.fixture
 def model_file(tmp_path, exp1):
-    """A model file (AAE with a small code) and the model it was written from."""
-    model = new_model("aae", recipe="paper", latent=4)
+    """A model file (a small AAE) and the model it was written from."""
+    model = new_model("aae", width=16, depth=2)
     path = tmp_path / "exp1.safetensors"
     save_model(path, model, card_for("aae", model, exp1))
     return path, model

@@ -17,14 +17,14 @@ from scenegen.errors.learning import NOT_MEASURED, POOR_MODEL, UNKNOWN_TO_MODEL
 from scenegen.errors.requests import OUT_OF_TIME
 from scenegen.geometry import PRIMITIVES
 from scenegen.learn import any as any_model
-from scenegen.learn.any import compared, exact_scenes, left_out
+from scenegen.learn.any import compare_scenes, exact_scenes, left_out
 from scenegen.learn.guided import make_plan
-from scenegen.learn.models.card import FORMAT
+from scenegen.learn.models.card import MODEL_FORMAT
 from scenegen.learn.models.checkpoint import load_model, pack, unpack
 from scenegen.learn.models.codec import ways_of
 from scenegen.learn.models.frames import frames_of
-from scenegen.learn.models.graph import KINDS, graph_of
-from scenegen.learn.models.graph_flow import shipped
+from scenegen.learn.models.graph import PRIMITIVE_NAMES, graph_of
+from scenegen.learn.models.graph_flow import shipped_weights
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.effort import Budget, StoppedError
@@ -42,7 +42,7 @@ def spec():
 
 @pytest.mark.long
 def test_its_scenes_are_verified_and_repeat(spec, monkeypatch):
-    monkeypatch.setattr(any_model, "PATIENCE", 10.0)  # a busy machine finds few exact scenes in half a second
+    monkeypatch.setattr(any_model, "EXACT_SECONDS", 10.0)  # a busy machine finds few exact scenes in half a second
     scenes = scenegen.sample(spec, {"goal": (-0.1, 0.0)}, n=300, method="any", seed=4)
     assert len(scenes) == 300 and all(-0.1 <= one <= 0.0 for one in scenes.phi["goal"])
     assert scenes.header.sampler["method"] == "model" and scenes.header.sampler["model"] == "any"
@@ -184,28 +184,35 @@ def test_a_new_primitive_changes_nothing_where_it_is_not_used():
 def test_a_primitive_that_was_renamed_is_refused_by_name(spec):
     """As where the weights' file has another name for it."""
     with pytest.raises(RequestError, match="do not know `gap`") as caught:
-        graph_of(frames_of(spec.checked), KINDS.replace("gap", "clearance"))
+        graph_of(frames_of(spec.checked), PRIMITIVE_NAMES.replace("gap", "clearance"))
     assert caught.value.diagnostics[0].kind is UNKNOWN_TO_MODEL
 
 
 def test_files_name_the_primitives_that_their_weights_know(spec):
     trained = scenegen.load_model("any", spec).trained
-    text, tensors = unpack(Path("m"), FORMAT, "a model file", trained.data)
+    text, tensors = unpack(Path("m"), MODEL_FORMAT, "a model file", trained.data)
     card = json.loads(text)
-    assert card["hyper"]["primitives"] == shipped()[0].hyper["primitives"] == KINDS == " ".join(sorted(PRIMITIVES))
+    assert (
+        card["hyper"]["primitives"]
+        == shipped_weights()[0].hyper["primitives"]
+        == PRIMITIVE_NAMES
+        == " ".join(sorted(PRIMITIVES))
+    )
     wanted = torch.full((1, 16), -0.05)
 
     def read(names):
         """The scenes of the same file with these names in it."""
         hyper = {name: value for name, value in card["hyper"].items() if name != "primitives"} | names
-        data = pack(FORMAT, json.dumps({**card, "hyper": hyper}), tensors)
+        data = pack(MODEL_FORMAT, json.dumps({**card, "hyper": hyper}), tensors)
         return load_model(Path("m"), data=data).propose(wanted, torch.Generator().manual_seed(0))
 
-    assert torch.equal(read({}), read({"primitives": KINDS})), "a file of an earlier version, with the names of then"
+    assert torch.equal(read({}), read({"primitives": PRIMITIVE_NAMES})), (
+        "a file of an earlier version, with the names of then"
+    )
     with pytest.raises(RequestError, match="do not know `gap`"):
-        read({"primitives": KINDS.replace("gap", "clearance")})
+        read({"primitives": PRIMITIVE_NAMES.replace("gap", "clearance")})
     with pytest.raises(DataError, match=r"goal\.atom_kind"):
-        read({"primitives": f"{KINDS} wider"})
+        read({"primitives": f"{PRIMITIVE_NAMES} wider"})
 
 
 def test_it_has_to_be_told_of_which_spec():
@@ -216,14 +223,14 @@ def test_it_has_to_be_told_of_which_spec():
 def test_a_part_that_is_left_out_is_named(spec):
     request = SampleRequest({"goal": Range(-0.05, 0.05)}, 400, seed=1, spread="base")
     exact, _ = exact_scenes(spec.checked, request)
-    assert left_out(spec.checked, exact, exact) == "" and compared(spec.checked, exact, exact, "goal") == []
+    assert left_out(spec.checked, exact, exact) == "" and compare_scenes(spec.checked, exact, exact, "goal") == []
     decides = ways_of(spec.checked, torch.from_numpy(exact))[0].numpy()
     texts = [getattr(spec.checked.core.nodes[node], "text", "") for node in decides]
     kept = exact[:, [not text.startswith("closeTo(bowl") for text in texts]]
     assert 100 < kept.shape[1] < 0.95 * exact.shape[1]
     said = left_out(spec.checked, exact, kept)
     assert said.startswith("`closeTo(bowl, plate, 0.25)` decides `goal` in 0% of them")
-    found = compared(spec.checked, exact, kept, "goal=-0.05:0.05")
+    found = compare_scenes(spec.checked, exact, kept, "goal=-0.05:0.05")
     assert found and {one.kind for one in found} == {POOR_MODEL} and said in found[-1].title
 
 
@@ -241,7 +248,7 @@ def test_it_says_where_it_could_not_be_compared(spec, monkeypatch):
 
 
 def test_the_card_of_the_weights():
-    card, weights = shipped()
+    card, weights = shipped_weights()
     assert card.steps > 0 and card.specs > 0 and sum(one.numel() for one in weights.values()) < 3_000_000
     assert all(bool(torch.isfinite(one).all()) for one in weights.values())
 
@@ -253,13 +260,13 @@ def test_it_can_be_tuned_to_one_spec(spec, tmp_path):
     again = scenegen.load_model(tmp_path / "m.safetensors", spec)
     scenes = scenegen.sample(again, {"goal": (-0.1, 0.0)}, n=50)
     assert len(scenes) == 50 and json.loads(json.dumps(scenes.header.sampler))["model"] == "any"
-    fresh = shipped()[1]["goal.made.weight"]
+    fresh = shipped_weights()[1]["goal.made.weight"]
     assert not torch.equal(again.trained.model.networks.goal.made.weight, fresh)
 
 
 @pytest.mark.long
 def test_with_what_is_held_it_is_compared_with_what_is_held(spec, monkeypatch):
-    monkeypatch.setattr(any_model, "PATIENCE", 10.0)  # a busy machine finds few exact scenes in half a second
+    monkeypatch.setattr(any_model, "EXACT_SECONDS", 10.0)  # a busy machine finds few exact scenes in half a second
     held = {"plate": (0.3, 0.7)}
     scenes = scenegen.sample(spec, {"goal": (-0.1, 0.0)}, n=400, method="any", fix=held)
     assert np.allclose(scenes.poses[:, 0, :2], (0.3, 0.7))

@@ -1,4 +1,4 @@
-"""What every entry of RECIPES keeps to. A new model is tested by being in the table. Branches, layouts and the
+"""What every entry of MODELS keeps to. A new model is tested by being in the table. Branches, layouts and the
 spec_loss, against the scalar oracle.
 """
 
@@ -12,11 +12,11 @@ from scenegen.lang.formula.core import Atom
 from scenegen.lang.formula.interpret import deciding_atom, evaluate, phi
 from scenegen.learn.models.base import SceneModel, SpecLoss
 from scenegen.learn.models.card import Layout, layout_of
-from scenegen.learn.models.codec import MOST, OTHER, Codec, Examples, survey
+from scenegen.learn.models.codec import MAX_BRANCHES, OTHER, Codec, Examples, survey
 from scenegen.learn.models.conditioned import PASSES, Selector
-from scenegen.learn.models.registry import RECIPES, model_class, parse_hyper
+from scenegen.learn.models.registry import MODELS, model_class, parse_hyper
 from scenegen.learn.refine import draw
-from scenegen.learn.robustness.deciding import deciding
+from scenegen.learn.robustness.deciding import deciding_atoms
 from scenegen.resources import shipped_specs
 
 from ...laws import FULL
@@ -28,10 +28,9 @@ def seeded(seed):
     return torch.Generator().manual_seed(seed)
 
 
-@pytest.fixture(params=[(recipe, name) for recipe in RECIPES for name in RECIPES[recipe]], ids="-".join)
+@pytest.fixture(params=list(MODELS))
 def make(request, make):
-    recipe, name = request.param
-    return lambda *words: make(name, *words, recipe=recipe)
+    return lambda *words: make(request.param, *words)
 
 
 @pytest.mark.long
@@ -158,10 +157,10 @@ def test_the_table(make):
 def test_unknown_names_and_settings_are_diagnostics():
     with pytest.raises(RequestError, match="did you mean `gan`"):
         model_class("gann")
-    with pytest.raises(RequestError, match="`latent`"):
-        parse_hyper("gan", {"latnt": 3}, "paper")
-    with pytest.raises(RequestError, match="latent"):
-        parse_hyper("aae", {"latent": 0}, "paper")
+    with pytest.raises(RequestError, match="`width`"):
+        parse_hyper("gan", {"widht": 3})
+    with pytest.raises(RequestError, match="width"):
+        parse_hyper("aae", {"width": 0})
 
 
 SPECS = ("mug_left_of_plate", "table_setting", "sort_7", "chess_corner", "recycling")
@@ -175,7 +174,7 @@ def spec_and_rows(name, count=300):
 @pytest.mark.parametrize("name", SPECS)
 def test_the_deciding_atom_is_the_oracles(name):
     spec, rows = spec_and_rows(name)
-    found = deciding(spec.core, rows).numpy()
+    found = deciding_atoms(spec.core, rows).numpy()
     for scene, column in zip(rows.T.tolist(), found.T, strict=True):
         values = evaluate(spec.core, scene)
         for label, node in zip(spec.labels, column, strict=True):
@@ -189,9 +188,9 @@ def test_a_branch_names_the_atoms_that_decide(name):
     spec, rows = spec_and_rows(name, 2000)
     branch, table = survey(spec, rows)
     counts = torch.bincount(branch, minlength=len(table))
-    assert branch.shape == (2000,) and table.shape[1] == len(spec.labels) and len(table) <= MOST
+    assert branch.shape == (2000,) and table.shape[1] == len(spec.labels) and len(table) <= MAX_BRANCHES
     if OTHER not in table:
-        assert torch.equal(table[branch].T, deciding(spec.core, rows))
+        assert torch.equal(table[branch].T, deciding_atoms(spec.core, rows))
         assert (counts.diff() <= 0).all()
     x = Codec(spec.workspace, len(spec.objects)).encode(rows.float())
     got, atoms = SpecLoss(spec.core, table, Codec(spec.workspace, len(spec.objects)))(x, branch)
@@ -201,13 +200,13 @@ def test_a_branch_names_the_atoms_that_decide(name):
 
 
 def test_rare_branches_share_one():
-    names = [f"o{index}" for index in range(MOST + 20)]
+    names = [f"o{index}" for index in range(MAX_BRANCHES + 20)]
     spec = check_text(f"object {', '.join(names)}\ntask: " + " & ".join(f"x({name}) <= 0.5" for name in names), "many")
     rows = draw(*spec.box(), 5000, torch.Generator().manual_seed(0))
     branch, table = survey(spec, rows)
-    assert len(table) == MOST and (table[-1] == OTHER).all() and (table[:-1] != OTHER).all()
-    rest = branch == MOST - 1
-    assert 0 < int(rest.sum()) < 5000 and torch.equal(table[branch][~rest].T, deciding(spec.core, rows)[:, ~rest])
+    assert len(table) == MAX_BRANCHES and (table[-1] == OTHER).all() and (table[:-1] != OTHER).all()
+    rest = branch == MAX_BRANCHES - 1
+    assert 0 < int(rest.sum()) < 5000 and torch.equal(table[branch][~rest].T, deciding_atoms(spec.core, rows)[:, ~rest])
     codec = Codec(spec.workspace, len(names))
     reached, atoms = SpecLoss(spec.core, table, codec)(codec.encode(rows.float()), branch)
     assert torch.equal(reached, atoms)  # where no atom is known, phi stands for it

@@ -66,7 +66,7 @@ def test_the_generator_alone_decides_and_scenes_that_are_right_stay_near(spec):
     assert torch.equal(one, two)
     walk = correct._walk
     right = walk._inside(one, phi - walk._tolerance, phi + walk._tolerance)
-    again, _ = correct._corrected(one, phi, NEVER)
+    again, _ = correct._correct(one, phi, NEVER)
     assert float(right.float().mean()) > 0.9 and torch.equal(again[:, right], one[:, right])
 
 
@@ -86,7 +86,7 @@ def test_newton_is_the_shortest_step_that_closes_the_gaps():
 def test_moves_keep_phi_and_what_is_required(spec):
     phi = torch.tensor([-0.1, math.nan])[:, None].expand(2, 500)
     correct = Correction(spec, torch.tensor([1.0, 1.0]))
-    rows, off = correct._corrected(uniform(spec)(phi, torch.Generator().manual_seed(1), None)[0], phi, NEVER)
+    rows, off = correct._correct(uniform(spec)(phi, torch.Generator().manual_seed(1), None)[0], phi, NEVER)
     stir = McmcMoves(spec, torch.full((2, 1), 1e-3))
     assert stir.count
     moved = stir(rows, phi, torch.Generator().manual_seed(2))
@@ -138,7 +138,7 @@ def test_what_is_drawn_again_is_drawn_in_its_branch(spec, arrive, share):
         return rows, branch
 
     correct = Correction(spec, torch.tensor([1.0, 1.0]))
-    correct._corrected = lambda rows, wanted, stop: (rows.clone(), rows[2] > 0.0)
+    correct._correct = lambda rows, wanted, stop: (rows.clone(), rows[2] > 0.0)
     correct._walk.count = 0
     made = correct(make, torch.zeros(2, 2000), torch.Generator().manual_seed(2))
     assert asked[0] is None and bool((asked[1] == 0).all())
@@ -171,7 +171,7 @@ def test_fitted_moves_spread_scenes_over_a_range_however_narrow(tolerance):
     rows[0], rows[3] = 0.3, 0.5
     far = []
     for fit in (True, False):
-        made = stir.within(rows, ends, torch.Generator().manual_seed(1), 120, fit=fit).double()
+        made = stir.move_within(rows, ends, torch.Generator().manual_seed(1), 120, fit=fit).double()
         places = ((made[0] - 0.3) / tolerance, (made[3] - made[0] - 0.2) / tolerance)
         far.append(max(stats.kstest(one.numpy(), "uniform", args=(-1, 2)).statistic for one in places))
     assert far[0] < 0.05 and far[1] > 0.2

@@ -10,8 +10,8 @@ from scenegen.learn.models.card import layout_of
 from scenegen.learn.models.codec import Codec, Examples, survey
 from scenegen.learn.models.registry import model_class, parse_hyper
 from scenegen.learn.robustness import Robustness
-from scenegen.learn.training.balanced import balanced
-from scenegen.learn.training.paper import uniform
+from scenegen.learn.training.balanced import draw_balanced
+from scenegen.learn.training.dataset import uniform
 
 pytestmark = pytest.mark.slow
 
@@ -38,7 +38,7 @@ def truth(spec):
 
 def trained(name, spec, **settings):
     """The first losses, the last ones (means over some steps), and 2,000 scenes at WANTED in storage."""
-    data = balanced(spec, 20_000, torch.Generator().manual_seed(0))
+    data = draw_balanced(spec, 20_000, torch.Generator().manual_seed(0))
     codec = Codec(spec.workspace, len(spec.objects))
     branch, table = survey(spec, data.rows)
     examples = Examples(codec.encode(data.rows), data.phi.T.contiguous(), branch)

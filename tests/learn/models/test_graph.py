@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 import torch
 
+from experiments.any.union import union
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import gate
 from scenegen.learn.any import exact_scenes
 from scenegen.learn.models.frames import frames_of
-from scenegen.learn.models.graph import ROOT, graph_of, union
+from scenegen.learn.models.graph import ROOT, graph_of
 from scenegen.learn.models.graph_flow import GraphHyper, Networks
 from scenegen.learn.refine import draw
 from scenegen.learn.robustness import Robustness
-from scenegen.learn.robustness.deciding import deciding
+from scenegen.learn.robustness.deciding import deciding_atoms
 from scenegen.resources import shipped_specs
 from scenegen.sampling.request import Range, SampleRequest
 
@@ -70,7 +71,7 @@ def test_roots_and_deciding_atoms():
     graph, core, rows = graph_of(frames_of(spec)), gate(spec.core), scenes(spec, 200)
     assert graph.labels == 3 and graph.required.tolist() == [False, False, True]
     assert graph.in_order() == [[0], [1]]
-    places = graph.places(deciding(core, rows))
+    places = graph.places(deciding_atoms(core, rows))
     phi, margins = Robustness(core).rows(rows), graph.margins(rows)[0]
     assert torch.equal(margins.gather(0, places), margins.gather(0, places).clamp(phi - 1e-6, phi + 1e-6))
     for label in range(graph.labels):
@@ -101,7 +102,7 @@ def test_frames_of_a_range_hold_all_of_its_scenes(name):
     rows, phi = exact_scenes(spec, SampleRequest({label: Range(0.0, None)}, 200, seed=3, workers=1))
     assert rows.shape[1] == 200
     held = torch.from_numpy(rows).float()
-    narrow = graph.framed(frames, {label: (float(phi[0].min()), float(phi[0].max()))})
+    narrow = graph.in_frames(frames, {label: (float(phi[0].min()), float(phi[0].max()))})
     assert (narrow.high - narrow.low).sum() <= (graph.high - graph.low).sum()
     assert torch.equal(narrow.margins(held)[0], graph.margins(held)[0])
     for one in (graph, narrow):
@@ -114,7 +115,7 @@ def test_frames_of_a_range_hold_all_of_its_scenes(name):
 def test_frames_of_what_cannot_be_are_those_of_what_is_required():
     spec = shipped("chess_corner")
     frames = frames_of(spec)
-    for one, other in zip(frames.within({"task": (5.0, 6.0)}), frames.within({}), strict=True):
+    for one, other in zip(frames.bounds_for({"task": (5.0, 6.0)}), frames.bounds_for({}), strict=True):
         np.testing.assert_array_equal(one, other)
 
 

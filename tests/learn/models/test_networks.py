@@ -1,25 +1,19 @@
 """What only the default AAE has: its encoder. How it learns is in test_games.py. What only the default GAN has: the
 error of phi comes in after a start. How it learns is in test_games.py. The game of the default GAN and AAE, held to
-its definition. The hand-written passes against autograd. The faithful models against a plain reading of the
-published losses, with autograd and torch's own Adam. What the flow's jumps must do, beyond the contract of every
-model (test_contract.py).
+its definition. What the flow's jumps must do, beyond the contract of every model (test_contract.py).
 """
 
-import copy
 import math
 
 import pytest
 import torch
-from torch.nn.functional import binary_cross_entropy as bce
 from torch.nn.functional import softplus
 
 from scenegen.errors import RequestError
 from scenegen.learn.models.base import Mlp
 from scenegen.learn.models.card import Layout
-from scenegen.learn.models.codec import Examples
 from scenegen.learn.models.flow import Flow, FlowMap, departure
-from scenegen.learn.models.games import AAE, START, AAEHyper, Critic, Encoder, contest, directions
-from scenegen.learn.models.published import Pass, Trainable
+from scenegen.learn.models.games import AAE, FIRST_WEIGHT_SHARE, AAEHyper, Critic, Encoder, contest, directions
 from scenegen.learn.models.registry import parse_hyper
 
 LAYOUT = Layout(objects=2, labels=1, positions=(0, 1, 3), angles=(2, 5), branches=3)
@@ -91,7 +85,7 @@ def pushes(make, done, **hyper):
     return model.generator.body.linear()[-1].bias.grad.clone()
 
 
-@pytest.mark.parametrize(("done", "share"), [(0, START), (49, 0.5), (99, 1.0), (5_000, 1.0)])
+@pytest.mark.parametrize(("done", "share"), [(0, FIRST_WEIGHT_SHARE), (49, 0.5), (99, 1.0), (5_000, 1.0)])
 def test_the_error_of_phi_comes_in_after_a_start(make, done, share):
     without = pushes(make, done, ramp=100, consistency=0.0)
     whole = pushes(make, 0, ramp=1, consistency=2.0) - without
@@ -174,171 +168,12 @@ def test_the_critic_hears_the_labels_and_the_branch(critic, pairs):
     assert not torch.equal(scores, critic(true, features, (branch + 1) % 3))
 
 
-WIDTHS = (5, 16, 8, 3)
-
-
-def make(slope, seed=0):
-    generator = torch.Generator().manual_seed(seed)
-    mlp = Mlp(WIDTHS, slope)
-    mlp.initialise(generator)
-    return mlp, generator
-
-
-def reference(mlp, x, out_grad):
-    """Outputs, gradient of the inputs, gradients of the weights, by autograd."""
-    x = x.clone().requires_grad_()
-    parameters = list(mlp.parameters())
-    out = mlp(x)
-    grads = torch.autograd.grad(out, [x, *parameters], out_grad)
-    return out.detach(), grads[0], torch.cat([grad.reshape(-1) for grad in grads[1:]])
-
-
-@pytest.mark.parametrize("slope", [0.0, 0.2])
-def test_gradients_are_autograds(slope):
-    mlp, generator = make(slope)
-    x, out_grad = torch.randn(7, 5, generator=generator), torch.randn(7, 3, generator=generator)
-    out, inputs, weights = reference(mlp, x, out_grad)
-    net = Trainable(mlp)
-    step = Pass(net, 7)
-    for _ in range(2):  # buffers are overwritten, not added to
-        step.inputs.copy_(x)
-        torch.testing.assert_close(step.forward(), out)
-        step.out_grad.copy_(out_grad)
-        torch.testing.assert_close(step.backward(weights=True, inputs=True), inputs)
-        torch.testing.assert_close(net.vector.grad, weights)
-
-
-def test_inputs_alone_leave_the_weight_gradients():
-    mlp, generator = make(0.2)
-    net = Trainable(mlp)
-    step = Pass(net, 4)
-    step.inputs.copy_(torch.randn(4, 5, generator=generator))
-    step.forward()
-    step.out_grad.fill_(1.0)
-    net.vector.grad.fill_(123.0)
-    step.backward(weights=False, inputs=True)
-    assert (net.vector.grad == 123.0).all()
-
-
-def test_a_part_shares_memory_and_agrees():
-    mlp, generator = make(0.2)
-    x, out_grad = torch.randn(3, 5, generator=generator), torch.randn(3, 3, generator=generator)
-    out, inputs, weights = reference(mlp, x, out_grad)
-    net = Trainable(mlp)
-    whole = Pass(net, 6)
-    part = whole.part(3, 6)
-    whole.inputs[:3] = 99.0
-    part.inputs.copy_(x)
-    torch.testing.assert_close(whole.forward()[3:], out)
-    part.out_grad.copy_(out_grad)
-    torch.testing.assert_close(part.backward(weights=True, inputs=True), inputs)
-    torch.testing.assert_close(net.vector.grad, weights)
-
-
-def test_the_module_sees_what_the_optimiser_does():
-    mlp, generator = make(0.0)
-    x = torch.randn(4, 5, generator=generator)
-    net = Trainable(mlp)
-    before = mlp(x).detach()
-    with torch.no_grad():
-        net.vector.mul_(0.5)
-    assert not torch.equal(mlp(x), before)
-    assert torch.equal(mlp.linear()[0].weight.reshape(-1), net.vector[: 5 * 16])
-
-
 def test_initial_weights_are_uniform_within_one_over_root_inputs():
     mlp = Mlp((100, 200), 0.0)
     mlp.initialise(torch.Generator().manual_seed(0))
     weight = mlp.linear()[0].weight.detach()
     assert float(weight.abs().max()) <= 0.1
     assert float(weight.std()) == pytest.approx(0.1 / 3**0.5, rel=0.02)
-
-
-def parameters(mlp):
-    return [parameter.requires_grad_() for parameter in mlp.parameters()]
-
-
-def by_the_book_gan(model, data, generator):
-    maker, spec_loss = copy.deepcopy(model.generator), copy.deepcopy(model.discriminator)
-    adam_g = torch.optim.Adam(parameters(maker), lr=1e-3, betas=(0.5, 0.999))
-    adam_d = torch.optim.Adam(parameters(spec_loss), lr=1e-3, betas=(0.5, 0.999))
-    seen = []
-    for x, phi in data:
-        rows = len(x)
-        span = model.label_highest - model.label_lowest
-        wanted = model.label_lowest + span * torch.rand(rows, 2, generator=generator)
-        z = torch.randn(rows, 256, generator=generator)
-        made = torch.sigmoid(maker(torch.cat([z, wanted], 1)))
-        adam_g.zero_grad()
-        loss_g = bce(torch.sigmoid(spec_loss(torch.cat([made, wanted], 1))), torch.ones(rows, 1))
-        loss_g.backward()
-        adam_g.step()
-        adam_d.zero_grad()
-        real = bce(torch.sigmoid(spec_loss(torch.cat([x, phi], 1))), torch.ones(rows, 1))
-        fake = bce(torch.sigmoid(spec_loss(torch.cat([made.detach(), wanted], 1))), torch.zeros(rows, 1))
-        loss_d = (real + fake) / 2
-        loss_d.backward()
-        adam_d.step()
-        seen.append({"generator": loss_g.item(), "discriminator": loss_d.item()})
-    return {"generator": maker, "discriminator": spec_loss}, seen
-
-
-def by_the_book_aae(model, data, generator):
-    encoder, decoder, spec_loss = (copy.deepcopy(part) for part in (model.encoder, model.decoder, model.discriminator))
-    adam_r = torch.optim.Adam([*parameters(encoder), *parameters(decoder)], lr=1e-3)
-    adam_d = torch.optim.Adam(parameters(spec_loss), lr=1e-3)
-    adam_e = torch.optim.Adam(encoder.parameters(), lr=1e-3)
-    seen = []
-    for x, phi in data:
-        rows = len(x)
-        adam_r.zero_grad()
-        made = torch.sigmoid(decoder(torch.cat([encoder(x), phi - model.label_lowest], 1)))
-        squares = ((made - x) ** 2).sum()
-        squares.backward()
-        adam_r.step()
-        adam_d.zero_grad()
-        real = bce(torch.sigmoid(spec_loss(torch.randn(rows, 16, generator=generator))), torch.ones(rows, 1))
-        fake = bce(torch.sigmoid(spec_loss(encoder(x).detach())), torch.zeros(rows, 1))
-        loss_d = (real + fake) / 2
-        loss_d.backward()
-        adam_d.step()
-        adam_e.zero_grad()
-        loss_e = bce(torch.sigmoid(spec_loss(encoder(x))), torch.ones(rows, 1))
-        loss_e.backward()
-        adam_e.step()
-        seen.append({"reconstruction": squares.item() / rows, "discriminator": loss_d.item(), "encoder": loss_e.item()})
-    return {"encoder": encoder, "decoder": decoder, "discriminator": spec_loss}, seen
-
-
-@pytest.mark.parametrize(("name", "by_the_book"), [("gan", by_the_book_gan), ("aae", by_the_book_aae)])
-def test_steps_are_the_published_ones(name, by_the_book, make):
-    made = make(name, recipe="paper")
-    model = made.model
-    source = torch.Generator().manual_seed(1)
-    sizes = (32, 32, 32, 5, 32)
-    data = [(torch.rand(n, 6, generator=source), torch.rand(n, 2, generator=source) * 2.0 - 1.0) for n in sizes]
-    parts, expected = by_the_book(model, data, torch.Generator().manual_seed(2))
-    made.started()
-    generator = torch.Generator().manual_seed(2)
-    for (x, phi), losses in zip(data, expected, strict=True):
-        got = model.update(Examples(x, phi, torch.zeros(len(x), dtype=torch.int64)), generator)
-        assert {key: float(value) for key, value in got.items()} == pytest.approx(losses, rel=1e-4)
-    for part, mlp in parts.items():
-        for mine, theirs in zip(getattr(model, part).parameters(), mlp.parameters(), strict=True):
-            # Adam divides by the gradient's own size, so the last bits of tiny gradients show; a step is 1e-3.
-            torch.testing.assert_close(mine, theirs, atol=1e-4, rtol=1e-3)
-
-
-def test_published_sizes(make_model):
-    gan, aae = make_model("gan", recipe="paper"), make_model("aae", recipe="paper")
-    assert sum(parameter.numel() for parameter in gan.generator.parameters()) == 128_518  # published: 128.5k
-    assert [layer.out_features for layer in aae.encoder.linear()] == [64, 64, 128, 128, 256, 16]
-    assert [layer.out_features for layer in aae.decoder.linear()] == [256, 128, 128, 64, 64, 6]
-    assert aae.decoder.linear()[0].in_features == 18
-    for model, inputs in ((gan, 8), (aae, 16)):
-        layers = model.discriminator.linear()
-        assert [layer.out_features for layer in layers] == [128, 128, 64, 64, 32, 32, 1]
-        assert layers[0].in_features == inputs
 
 
 LAYOUT_FLOW = Layout(objects=2, labels=1, positions=(0, 1, 3), angles=(5,), branches=3)

@@ -8,7 +8,7 @@ import torch
 from scenegen.learn.models.card import Layout
 from scenegen.learn.models.codec import Examples
 from scenegen.learn.models.conditioned import DataScaling, Selector
-from scenegen.learn.models.energy import Generator, noise
+from scenegen.learn.models.generator import Generator, noise
 
 LAYOUT = Layout(objects=2, labels=2, positions=(0, 4), angles=(2,), branches=3)
 

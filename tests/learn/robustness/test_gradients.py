@@ -386,7 +386,7 @@ def test_vmap_over_batches_and_over_scenes(phi_transforms, poses_transforms):
 
 
 def test_vmap_in_several_chunks(poses_transforms, monkeypatch):
-    monkeypatch.setattr("scenegen.learn.robustness.compile.CHUNK", 2)
+    monkeypatch.setattr("scenegen.learn.robustness.compile.CHUNK_SCENES", 2)
     phi = parse(SPEC).robustness()
     assert torch.equal(vmap(phi)(poses_transforms), torch.stack([phi(batch) for batch in poses_transforms]))
 

@@ -209,7 +209,7 @@ def test_dtypes_chunks_and_copies(monkeypatch):
     assert whole.dtype == torch.float32 and whole.shape == (9, 2)
     assert torch.equal(pickle.loads(pickle.dumps(run))(poses), whole)  # noqa: S301
     assert torch.equal(copy.deepcopy(run)(poses), whole)
-    monkeypatch.setattr("scenegen.learn.robustness.traces.STATES", 11)
+    monkeypatch.setattr("scenegen.learn.robustness.traces.STATES_AT_ONCE", 11)
     assert torch.equal(run(poses), whole) and run(poses[:0]).shape == (0, 2)
 
 

@@ -22,12 +22,11 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.training import balanced as balanced_reach
 from scenegen.learn.training import feed
-from scenegen.learn.training.balanced import balanced
+from scenegen.learn.training.balanced import draw_balanced
 from scenegen.learn.training.config import DATASETS, dataset_maker
-from scenegen.learn.training.dataset import held_count, held_places, split
+from scenegen.learn.training.dataset import held_count, held_places, split, uniform
 from scenegen.learn.training.feed import whole_file
 from scenegen.learn.training.gathering import Gathering
-from scenegen.learn.training.paper import boosted, uniform
 from scenegen.sampling.growth import rarity
 from scenegen.sampling.rarity import RequirementUnmet
 from scenegen.scenes.data import RequestData
@@ -76,56 +75,6 @@ def test_uniform_rates_of_experiment_1(exp1):
     assert means == pytest.approx([0.5, 0.5, np.pi] * 2, abs=0.06)
 
 
-def test_boosting_reaches_its_share_and_keeps_the_rest_uniform(exp1):
-    data = boosted(exp1, 4000, seeded(), positives=0.56)
-    assert data.positives == pytest.approx(0.56, abs=1e-3)
-    good = (data.phi >= 0.0).all(dim=0)
-    # Positives stand in random places, not in one block that batches would see at once.
-    assert float(good[:2000].float().mean()) == pytest.approx(0.56, abs=0.04)
-    assert torch.unique(data.rows, dim=1).shape[1] == 4000
-
-
-def test_nothing_is_perturbed_where_the_share_is_there(exp1):
-    plain, same = uniform(exp1, 1000, seeded()), boosted(exp1, 1000, seeded(), positives=0.1)
-    assert torch.equal(plain.rows, same.rows)
-
-
-def test_rare_positives_are_searched_for_and_stay_inside():
-    spec = narrow(1e-4)
-    data = boosted(spec, 300, seeded(), positives=0.5)
-    assert data.positives == pytest.approx(0.5, abs=0.01)
-    assert spec.workspace.contains(data.rows.double().numpy()).all()
-
-
-def test_theta_is_wrapped_when_moved():
-    data = boosted(narrow(0.02, axis=2), 300, seeded(), positives=0.9, noise=0.3)
-    assert data.positives >= 0.9
-    assert SPACE.contains(data.rows.double().numpy()).dtype == bool
-    assert bool(((data.rows[2] >= 0.0) & (data.rows[2].double() < 2.0 * np.pi)).all())
-
-
-def test_no_positives_is_a_diagnostic():
-    with pytest.raises(RequestError, match="none of 70,000 uniform scenes"):
-        boosted(narrow(-1.0), 100, seeded(), draws=70_000)
-
-
-def test_positives_on_a_knifes_edge_are_repeated():
-    # abs(x - c) <= 0 for the c of one drawn scene: no move keeps it.
-    spec = narrow(1.0)
-    x = float(uniform(spec, 50, seeded()).rows[0, 0])
-    nodes = (
-        Const(x),
-        Coord(0, 0),
-        Apply("sub", (0, 1)),
-        Apply("abs", (2,)),
-        Const(0.0),
-        Apply("sub", (4, 3)),
-        Atom(5, "edge", LENGTH, ()),
-    )
-    edge = CheckedSpec("edge.spec", "edge", Workspace(), Core(nodes, {"task": 6}, ("mug",)))
-    assert boosted(edge, 50, seeded(), positives=0.5).positives == 0.5
-
-
 def test_unknown_data_set():
     with pytest.raises(RequestError, match="did you mean `uniform`"):
         dataset_maker("unifrom")
@@ -134,7 +83,7 @@ def test_unknown_data_set():
 @pytest.mark.long
 def test_balanced_scenes_are_exact_and_flat(exp1):
     """Jointly over the cells that are in reach: no part of the range has much more or less than its share."""
-    data = balanced(exp1, 8000, seeded(1))
+    data = draw_balanced(exp1, 8000, seeded(1))
     assert len(data) == 8000 and torch.unique(data.rows, dim=1).shape[1] == 8000
     np.testing.assert_allclose(data.phi.numpy(), numpy_phi(data.rows), atol=1e-6)
     joint, plain = (
@@ -150,7 +99,7 @@ def test_balanced_scenes_are_exact_and_flat(exp1):
 
 def test_balanced_data_has_the_part_that_is_nearly_solved():
     spec = narrow(0.02)  # phi from -0.98 to 0.02
-    data = balanced(spec, 4000, seeded())
+    data = draw_balanced(spec, 4000, seeded())
     near = float((data.phi.abs() <= 0.02).float().mean())
     assert near == pytest.approx(0.5 + 0.5 * 0.04, abs=0.02)
     far = data.phi[data.phi < -0.02]
@@ -161,7 +110,7 @@ def test_balanced_data_has_the_part_that_is_nearly_solved():
 @pytest.mark.long
 def test_balanced_data_keeps_what_is_required():
     spec = check_text("object mug, plate\nrequire noOverlap()\ntask: closeTo(mug, plate, 0.2)", "apart.spec")
-    data = balanced(spec, 500, seeded())
+    data = draw_balanced(spec, 500, seeded())
     core = gate(spec.core)
     assert (Robustness(core).rows(data.rows.double())[-1] >= -1e-6).all()
 
@@ -169,14 +118,13 @@ def test_balanced_data_keeps_what_is_required():
 def test_a_label_that_cannot_vary_is_told():
     spec = check_text("task: 0 * x(mug) <= 1 & x(mug) <= 2 + 0 * x(mug)", "still.spec")
     with pytest.raises(RequestError, match="phi of `task` is 1 in every scene"):
-        balanced(spec, 100, seeded())
+        draw_balanced(spec, 100, seeded())
 
 
-@pytest.mark.parametrize("name", ["uniform", "boosted"])
-def test_held_objects_and_requirements(name):
+def test_held_objects_and_requirements():
     text = "object mug, plate at (0.5, 0.4, 1)\nrequire noOverlap()\ntask: leftOf(mug, plate)"
     spec = check_text(text, "held.spec")
-    data = dataset_maker(name)(spec, 3000, seeded())
+    data = uniform(spec, 3000, seeded())
     assert torch.allclose(data.rows[3:], torch.tensor([0.5, 0.4, 1.0])[:, None].expand(3, 3000))
     assert (Robustness(gate(spec.core)).rows(data.rows)[-1] >= 0.0).all()
 
@@ -241,7 +189,7 @@ def test_too_few_and_too_many(scenes, tmp_path, monkeypatch):
     path = scenes.save(tmp_path / "s.json")
     with pytest.raises(DataError, match="holds 40 scenes, fewer than the 41 of `scenes`"):
         whole_file(spec, path, 41)
-    monkeypatch.setattr(feed, "WHOLE", 7 * 39)
+    monkeypatch.setattr(feed, "MEMORY_NUMBERS", 7 * 39)
     with pytest.raises(RequestError, match="more scenes than fit into memory"):
         whole_file(spec, path, None)
     assert len(whole_file(spec, path, 39)) == 39

@@ -12,13 +12,13 @@ from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
 from scenegen.errors import DataError, RequestError
 from scenegen.learn.models.codec import survey
-from scenegen.learn.models.published import PublishedGAN
+from scenegen.learn.models.games import GAN
 from scenegen.learn.training import feed
 from scenegen.learn.training import feed as feeds
 from scenegen.learn.training.config import make_config
-from scenegen.learn.training.feed import MemoryFeed, Windows, make_feed, ranked, sorted_into
+from scenegen.learn.training.dataset import uniform
+from scenegen.learn.training.feed import MemoryFeed, Windows, make_feed, rank_branches, sorted_into
 from scenegen.learn.training.loop import Interrupted, train
-from scenegen.learn.training.paper import uniform
 from scenegen.learn.training.state import state_path
 from scenegen.scenes.data import RequestData
 
@@ -40,12 +40,12 @@ def file(tmp_path, exp1, monkeypatch):
 @pytest.fixture
 def small(monkeypatch):
     """Nothing fits into memory; a window holds four batches of 32."""
-    monkeypatch.setattr(feed, "WHOLE", 0)
-    monkeypatch.setattr(feeds, "WINDOW", 8 * 32 * 4 + 5)
+    monkeypatch.setattr(feed, "MEMORY_NUMBERS", 0)
+    monkeypatch.setattr(feeds, "WINDOW_NUMBERS", 8 * 32 * 4 + 5)
 
 
 def config(file, **options):
-    return make_config("gan", "paper", data=str(file), epochs=2, batch_size=32, **options)
+    return make_config("gan", hyper={"width": 16}, data=str(file), epochs=2, batch_size=32, **options)
 
 
 def table(examples):
@@ -62,7 +62,7 @@ def ordered(rows):
 
 def test_windows_hold_the_scenes_that_memory_would(file, exp1, small, monkeypatch):
     streamed = make_feed(exp1, config(file))
-    monkeypatch.setattr(feed, "WHOLE", 10**9)
+    monkeypatch.setattr(feed, "MEMORY_NUMBERS", 10**9)
     whole = make_feed(exp1, config(file))
     assert isinstance(streamed, Windows) and isinstance(whole, MemoryFeed)
     assert (streamed.scenes, streamed.steps) == (whole.scenes, whole.steps) == (855, 27)
@@ -98,10 +98,10 @@ def test_branches_are_those_of_a_survey(file, exp1, small, monkeypatch):
     rows = uniform(exp1, 500, torch.Generator().manual_seed(3)).rows
     branch, names = survey(exp1, rows)
     ways = {tuple(way): int((branch == index).sum()) for index, way in enumerate(names.tolist())}
-    assert torch.equal(ranked(ways), names)
+    assert torch.equal(rank_branches(ways), names)
     assert torch.equal(sorted_into(exp1, rows, names), branch)
-    monkeypatch.setattr(feeds, "MOST", 1)
-    assert ranked(ways).tolist() == [[-1, -1]]
+    monkeypatch.setattr(feeds, "MAX_BRANCHES", 1)
+    assert rank_branches(ways).tolist() == [[-1, -1]]
     assert torch.equal(sorted_into(exp1, rows, names[:1]), torch.zeros(500, dtype=torch.int64))
     monkeypatch.undo()
 
@@ -120,7 +120,7 @@ def test_interrupted_and_resumed_is_bit_equal(windows, step, file, exp1, tmp_pat
         request.getfixturevalue("small")
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     train(exp1, config(file), whole)
-    update, calls = PublishedGAN.update, []
+    update, calls = GAN.update, []
 
     def sending(self, batch, generator):
         calls.append(1)
@@ -128,7 +128,7 @@ def test_interrupted_and_resumed_is_bit_equal(windows, step, file, exp1, tmp_pat
             os.kill(os.getpid(), signal.SIGTERM)
         return update(self, batch, generator)
 
-    monkeypatch.setattr(PublishedGAN, "update", sending)
+    monkeypatch.setattr(GAN, "update", sending)
     with pytest.raises(Interrupted):
         train(exp1, config(file), broken)
     train(exp1, config(file), broken, resume=True)
@@ -150,8 +150,8 @@ def test_a_file_that_changes_is_noticed(file, exp1, tmp_path, small):
         train(exp1, config(file), tmp_path / "m", resume=True)
 
 
-def test_the_default_recipe_learns_from_windows(file, exp1, tmp_path, small):
-    options = make_config("energy", data=str(file), epochs=2, batch_size=32, hyper={"width": 16, "depth": 1})
+def test_flow_learns_from_windows(file, exp1, tmp_path, small):
+    options = make_config("flow", data=str(file), epochs=2, batch_size=32, hyper={"width": 16, "depth": 1})
     done = train(exp1, options, tmp_path / "m")
     assert done.card.data.scenes == 855 and done.card.training["scenes"] is None
     assert done.card.validation.epochs == [1, 2]
@@ -162,7 +162,7 @@ def test_the_default_recipe_learns_from_windows(file, exp1, tmp_path, small):
 )
 def test_names_that_are_neither_data_set_nor_file(data, said):
     with pytest.raises(RequestError, match=said):
-        make_config("gan", "paper", data=data)
+        make_config("gan", data=data)
 
 
 def test_a_file_that_is_not_there(exp1, tmp_path):
@@ -174,7 +174,7 @@ def test_a_file_that_is_not_there(exp1, tmp_path):
 def test_everything_goes_to_the_device(exp1, file, small):
     """The meta device holds no numbers: a tensor that was left on the CPU does not mix with it."""
     for data in (str(file), "uniform"):
-        options = make_config("energy", data=data, scenes=300, batch_size=32)
+        options = make_config("flow", data=data, scenes=300, batch_size=32)
         made = make_feed(exp1, options)
         made.device = torch.device("meta")
         made._examples = made._examples.to("meta") if isinstance(made, MemoryFeed) else made._examples

@@ -15,7 +15,7 @@ import scenegen
 from scenegen.errors import DataError, RequestError
 from scenegen.learn.training import balanced
 from scenegen.learn.training import gathering as module
-from scenegen.learn.training.config import DATASETS, GATHERING, SECONDS, dataset_maker
+from scenegen.learn.training.config import DATASETS, GATHER_SECONDS, GATHERING, dataset_maker
 from scenegen.learn.training.gathering import Gathering
 from scenegen.learn.training.progress import GatheringLines, TrainingProgress
 
@@ -141,24 +141,24 @@ class _RunsOut:
     """Time is up once the training loop has asked so often; what else in the process asks does not count."""
 
     def __init__(self, monkeypatch, after):
-        self.left = after
+        self.seconds_left = after
         monkeypatch.setattr(
             "scenegen.learn.training.loop.time", SimpleNamespace(monotonic=self.ask, perf_counter=self.now)
         )
         monkeypatch.setattr("scenegen.learn.train.time", SimpleNamespace(monotonic=self.now))
 
     def ask(self):
-        self.left -= 1
+        self.seconds_left -= 1
         return self.now()
 
     def now(self):
-        return time.monotonic() + (1e6 if self.left < 0 else 0)
+        return time.monotonic() + (1e6 if self.seconds_left < 0 else 0)
 
 
 def test_time_is_up_between_steps(easy, tmp_path, monkeypatch):
     """The model is what training has come to; it goes on to the result of an unbroken run."""
     out, notes = tmp_path / "m.safetensors", []
-    settings = {"recipe": "paper", "scenes": 256, "epochs": 4, "on_note": notes.append}
+    settings = {"data": "uniform", "scenes": 256, "epochs": 4, "on_note": notes.append}
     _RunsOut(monkeypatch, after=3)
     with pytest.raises(RequestError, match=r"in the first epoch(.|\n)*resume"):
         scenegen.train(easy, "gan", out=out, timeout=500.0, batch_size=32, **settings)
@@ -205,7 +205,7 @@ def test_a_bar_and_lines(monkeypatch):
         assert (task.completed, task.total, task.description) == (1200, 5500, "gan: gathering scenes")
         assert task.fields["figures"] == "1,200 of 5,500"
         progress.gather(GATHERING, 300, 5500)
-        assert task.completed < 10.0 and (task.total, task.fields["left"]) == (SECONDS, "left at most")
+        assert task.completed < 10.0 and (task.total, task.fields["left"]) == (GATHER_SECONDS, "left at most")
         progress.step(1, 40)
         assert task.fields["figures"] == "" and task.fields["left"] == "left" and task.description == "gan: epoch 1/4"
     monkeypatch.setattr("scenegen.learn.training.progress.FIRST", 0.0)

@@ -15,7 +15,7 @@ from scenegen.cli import train as command
 from scenegen.errors import OutputError, RequestError
 from scenegen.learn.models.codec import EVERY
 from scenegen.learn.training import balanced as module
-from scenegen.learn.training.balanced import _jointly, balanced
+from scenegen.learn.training.balanced import _jointly, draw_balanced
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.gathering import Gathering
 from scenegen.learn.training.loop import train
@@ -85,7 +85,7 @@ def test_the_bar_moves_within_an_epoch():
     assert "phi off by 0.0200" in plain and "100%" in plain
 
 
-CONFIG = make_config("gan", "paper", epochs=2, scenes=300, batch_size=64)
+CONFIG = make_config("gan", data="uniform", epochs=2, scenes=300, batch_size=64, hyper={"width": 16})
 
 
 def scalars(folder):
@@ -107,8 +107,9 @@ def test_every_figure_of_every_epoch(tmp_path, exp1):
     train(exp1, longer, tmp_path / "m", log_dir=folder, resume=True, on_epoch=reports.append)
     found = scalars(folder)
     assert set(found) == {
-        "loss/generator",
-        "loss/discriminator",
+        "loss/critic",
+        "loss/phi",
+        "loss/branch",
         "error/task",
         "error/safe",
         "error",
@@ -119,8 +120,8 @@ def test_every_figure_of_every_epoch(tmp_path, exp1):
     assert all([step for step, _ in values] == [5, 10, 15] for values in found.values())
     wanted = [report.validation.errors["task"] for report in reports]
     assert [value for _, value in found["error/task"]] == pytest.approx(wanted, rel=1e-6)
-    wanted = [report.losses["generator"] for report in reports]
-    assert [value for _, value in found["loss/generator"]] == pytest.approx(wanted, rel=1e-6)
+    wanted = [report.losses["critic"] for report in reports]
+    assert [value for _, value in found["loss/critic"]] == pytest.approx(wanted, rel=1e-6)
 
 
 def test_steps_that_are_done_again_count_once(tmp_path, exp1):
@@ -195,11 +196,11 @@ def test_the_time_of_the_whole_is_told(monkeypatch):
 
 @pytest.mark.long
 def test_rare_scenes_are_fewer_and_said_so(monkeypatch):
-    monkeypatch.setattr(module, "SECONDS", 1e-9)
-    monkeypatch.setattr(module, "FEWEST", 50)
+    monkeypatch.setattr(module, "BATCH_SECONDS", 1e-9)
+    monkeypatch.setattr(module, "MIN_BATCH_SCENES", 50)
     spec, notes = scenegen.parse("leftOf(a, b) & closeTo(a, b, 0.2)").checked, []
-    data = balanced(spec, 400, torch.Generator().manual_seed(0), Gathering(note=notes.append))
-    again = balanced(spec, 400, torch.Generator().manual_seed(0))
+    data = draw_balanced(spec, 400, torch.Generator().manual_seed(0), Gathering(note=notes.append))
+    again = draw_balanced(spec, 400, torch.Generator().manual_seed(0))
     assert 100 <= len(data) < 300 and data.sha256 == again.sha256
     assert any("phi of task=0: are rare: 50 of 60 are drawn" in one.title for one in notes)
 
@@ -211,7 +212,7 @@ task: angle(a, NORTH, 5 deg) & angle(b, NORTH, 5 deg) & closeTo(a, b, 12 cm)"""
 
 def test_satisfied_and_nearly_satisfied_scenes_are_a_good_share():
     """Of phi from -3 to 0.03 a range from 0 is a hundredth, and 1 scene in 50,000."""
-    data = balanced(scenegen.parse(SOLVED).checked, 3000, torch.Generator().manual_seed(0))
+    data = draw_balanced(scenegen.parse(SOLVED).checked, 3000, torch.Generator().manual_seed(0))
     phi = data.phi[0]
     assert float((phi >= 0.0).float().mean()) >= 0.24
     assert float(((phi < 0.0) & (phi >= -phi.max())).float().mean()) >= 0.23
@@ -221,7 +222,7 @@ def test_satisfied_and_nearly_satisfied_scenes_are_a_good_share():
 def test_phi_says_where_to_train():
     spec = scenegen.parse("object a, b\none: leftOf(a, b)\ntwo: closeTo(a, b, 0.3)").checked
     wanted = {"one": Range(0.1, 0.2), "two": Range(0.0, None)}
-    data = balanced(spec, 1000, torch.Generator().manual_seed(0), phi=wanted)
+    data = draw_balanced(spec, 1000, torch.Generator().manual_seed(0), phi=wanted)
     there = (data.phi[0] >= 0.1) & (data.phi[0] <= 0.2) & (data.phi[1] >= 0.0)
     assert int((data.balanced == EVERY)[there].sum()) >= 600 and len(data) == 1000
     assert data.regions[0][0] == wanted and data.regions[0][1].shape == (2, 600)
@@ -258,11 +259,11 @@ def test_what_is_not_thinned_is_as_it_came():
 @pytest.mark.long
 def test_scenes_of_several_labels_say_by_which_they_were_balanced():
     spec = scenegen.parse("object a, b\none: leftOf(a, b)\ntwo: closeTo(a, b, 0.3)").checked
-    data = balanced(spec, 2000, torch.Generator().manual_seed(0))
+    data = draw_balanced(spec, 2000, torch.Generator().manual_seed(0))
     assert set(data.balanced.tolist()) == {0, 1, EVERY}
     alone = data.phi[0][data.balanced == 0]  # flat in the first label, the other as it comes
     assert float((alone > 0.0).float().mean()) == pytest.approx(0.5, abs=0.06)
-    assert balanced(scenegen.parse("leftOf(a, b)").checked, 50, torch.Generator().manual_seed(0)).balanced is None
+    assert draw_balanced(scenegen.parse("leftOf(a, b)").checked, 50, torch.Generator().manual_seed(0)).balanced is None
 
 
 def test_a_model_asked_for_fewer_scenes_than_cells_is_not_blamed(tmp_path):

@@ -12,18 +12,19 @@ import torch
 
 from scenegen.errors import DataError, OutputError, RequestError
 from scenegen.learn.models.checkpoint import load_model, pack, unpack
-from scenegen.learn.models.published import PublishedAAE, PublishedGAN
-from scenegen.learn.models.registry import MODELS, PUBLISHED, model_class
+from scenegen.learn.models.games import AAE, GAN
+from scenegen.learn.models.registry import MODELS, model_class
 from scenegen.learn.training import session
 from scenegen.learn.training.config import make_config
 from scenegen.learn.training.loop import Interrupted, train
 from scenegen.learn.training.session import Validation
-from scenegen.learn.training.state import FORMAT, state_path
+from scenegen.learn.training.state import STATE_FORMAT, state_path
 
 pytestmark = pytest.mark.usefixtures("interruptible")
 
 
-CONFIG = make_config("gan", "paper", epochs=4, scenes=300, batch_size=64)  # five steps an epoch, the last of 44 scenes
+# five steps an epoch, the last of 44 scenes
+CONFIG = make_config("gan", data="uniform", hyper={"width": 16}, epochs=4, scenes=300, batch_size=64)
 
 
 def signal_at_step(monkeypatch, cls, number, step):
@@ -51,7 +52,7 @@ def test_interrupted_and_resumed_is_bit_equal(step, number, tmp_path, exp1, monk
     train(exp1, CONFIG, whole)
     handlers = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
     with monkeypatch.context() as patch:
-        signal_at_step(patch, PublishedGAN, number, step)
+        signal_at_step(patch, GAN, number, step)
         with pytest.raises(Interrupted) as caught:
             train(exp1, CONFIG, broken)
     assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)) == handlers
@@ -66,13 +67,13 @@ def test_interrupted_and_resumed_is_bit_equal(step, number, tmp_path, exp1, monk
 @pytest.mark.long
 def test_interrupted_many_times(tmp_path, exp1, monkeypatch):
     whole, broken = tmp_path / "whole", tmp_path / "broken"
-    config = dataclasses.replace(CONFIG, model="aae", hyper={"latent": 4})
+    config = dataclasses.replace(CONFIG, model="aae")
     train(exp1, config, whole)
     times = 0
     while True:
         try:
             with monkeypatch.context() as patch:
-                signal_at_step(patch, PublishedAAE, signal.SIGINT, 3)
+                signal_at_step(patch, AAE, signal.SIGINT, 3)
                 train(exp1, config, broken, resume=times > 0)
             break
         except Interrupted as stop:
@@ -86,7 +87,7 @@ def test_a_signal_at_the_very_end_still_says_so(tmp_path, exp1, monkeypatch):
     out, whole = tmp_path / "m", tmp_path / "whole"
     train(exp1, CONFIG, whole)
     with monkeypatch.context() as patch:
-        signal_at_step(patch, PublishedGAN, signal.SIGTERM, 20)
+        signal_at_step(patch, GAN, signal.SIGTERM, 20)
         with pytest.raises(Interrupted) as caught:
             train(exp1, CONFIG, out)
     assert caught.value.epochs_done == 4
@@ -94,28 +95,20 @@ def test_a_signal_at_the_very_end_still_says_so(tmp_path, exp1, monkeypatch):
 
 
 def test_a_second_signal_does_not_wait(tmp_path, exp1, monkeypatch):
-    update = PublishedGAN.update
+    update = GAN.update
 
     def twice(self, batch, generator):
         os.kill(os.getpid(), signal.SIGINT)
         os.kill(os.getpid(), signal.SIGINT)
         return update(self, batch, generator)
 
-    monkeypatch.setattr(PublishedGAN, "update", twice)
+    monkeypatch.setattr(GAN, "update", twice)
     before = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt) as caught:
         train(exp1, CONFIG, tmp_path / "m")
     assert not isinstance(caught.value, Interrupted)
     assert signal.getsignal(signal.SIGINT) == before
     assert list(tmp_path.iterdir()) == []
-
-
-def test_more_epochs_than_planned_at_first(tmp_path, exp1):
-    whole, longer = tmp_path / "whole", tmp_path / "longer"
-    train(exp1, CONFIG, whole)
-    train(exp1, dataclasses.replace(CONFIG, epochs=2), longer)
-    train(exp1, CONFIG, longer, resume=True)
-    assert files(longer) == files(whole)
 
 
 def test_epochs_that_are_done_are_not_done_again(tmp_path, exp1):
@@ -127,7 +120,7 @@ def test_epochs_that_are_done_are_not_done_again(tmp_path, exp1):
         trained = train(exp1, config, out, resume=True, on_epoch=pytest.fail, on_note=notes.append)
         assert trained.card.epochs_done == 4
     assert files(out) == before
-    assert len(notes) == 2 and "4 epochs are already done" in str(notes[0])
+    assert len([note for note in notes if "4 epochs are already done" in str(note)]) == 2
     out.unlink()
     assert train(exp1, CONFIG, out, resume=True).card.epochs_done == 4
     assert files(out) == before
@@ -151,10 +144,9 @@ def test_checkpoints_on_the_way_change_nothing(tmp_path, exp1, monkeypatch):
         ({"batch_size": 32}, "`batch_size` was 64"),
         ({"scenes": 301}, "`scenes` was 300"),
         ({"lr": 0.01}, "`lr` was 0.001"),
-        ({"data": "boosted"}, "`data` was 'uniform'"),
+        ({"data": "balanced"}, "`data` was 'uniform'"),
         ({"model": "aae"}, "`model` was 'gan'"),
-        ({"recipe": "default"}, "`recipe` was 'paper'"),
-        ({"hyper": {"latent": 3}}, "`hyper` was {}"),
+        ({"hyper": {"width": 8}}, "`hyper` was {'width': 16}"),
     ],
 )
 def test_other_options_are_refused_by_name(change, named, tmp_path, exp1):
@@ -174,8 +166,8 @@ def test_another_spec_is_refused(tmp_path, exp1, make_exp1):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", [name for name in MODELS if name not in PUBLISHED or MODELS[name] != PUBLISHED[name]])
-def test_our_recipes_go_on_bit_equal_too(name, tmp_path, exp1, monkeypatch):
+@pytest.mark.parametrize("name", MODELS)
+def test_every_model_goes_on_bit_equal(name, tmp_path, exp1, monkeypatch):
     """Their learning rate changes from step to step, and the layout comes from the data."""
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     config = make_config(name, epochs=2, scenes=300, batch_size=64, data="uniform")
@@ -246,7 +238,7 @@ def test_a_crash_between_the_state_and_the_model_is_made_good(tmp_path, exp1):
     assert files(out) == done
 
 
-CONFIG_PATIENCE = make_config("gan", "paper", epochs=9, scenes=300, batch_size=64, patience=2)
+CONFIG_PATIENCE = dataclasses.replace(CONFIG, epochs=9, patience=2)
 ERRORS = [3.0, 1.0, 2.0, 1.0, 0.5, 0.5]  # equals are no progress
 
 
@@ -267,7 +259,7 @@ def same_weights(one, two):
     return all(torch.equal(a[name], b[name]) for name in a)
 
 
-def test_it_stops_and_keeps_the_best(scripted, tmp_path, exp1):
+def test_it_stops_and_keeps_the_best(scripted, tmp_path, exp1, monkeypatch):
     left, notes, reports = scripted(ERRORS), [], []
     found = train(exp1, CONFIG_PATIENCE, tmp_path / "m", on_note=notes.append, on_epoch=reports.append)
     assert len(left) == 2 and [report.kept for report in reports] == [1, 2, 2, 2]
@@ -276,7 +268,11 @@ def test_it_stops_and_keeps_the_best(scripted, tmp_path, exp1):
         "stopped after 4 epochs: no better than epoch 2, which is kept (mean error of phi 1)"
     ]
     scripted(ERRORS)
-    two = train(exp1, dataclasses.replace(CONFIG_PATIENCE, epochs=2, patience=None), tmp_path / "two")
+    with monkeypatch.context() as patch:
+        signal_at_step(patch, GAN, signal.SIGINT, 10)  # the last of epoch 2
+        with pytest.raises(Interrupted):
+            train(exp1, dataclasses.replace(CONFIG_PATIENCE, patience=None), tmp_path / "two")
+    two = load_model(tmp_path / "two")
     assert same_weights(found, two) and two.card.kept_epoch is None
     before = (tmp_path / "m").read_bytes()
     again = train(exp1, CONFIG_PATIENCE, tmp_path / "m", resume=True, on_note=notes.append, on_epoch=pytest.fail)
@@ -296,7 +292,7 @@ def test_interrupted_and_resumed_is_bit_equal_patience(step, kept, scripted, tmp
     scripted(ERRORS)
     train(exp1, CONFIG_PATIENCE, whole)
     left = scripted(ERRORS)
-    update, calls = PublishedGAN.update, []
+    update, calls = GAN.update, []
 
     def sending(self, batch, generator):
         calls.append(1)
@@ -304,7 +300,7 @@ def test_interrupted_and_resumed_is_bit_equal_patience(step, kept, scripted, tmp
             os.kill(os.getpid(), signal.SIGINT)
         return update(self, batch, generator)
 
-    monkeypatch.setattr(PublishedGAN, "update", sending)
+    monkeypatch.setattr(GAN, "update", sending)
     with pytest.raises(Interrupted):
         train(exp1, CONFIG_PATIENCE, broken)
     assert load_model(broken).card.kept_epoch == kept
@@ -318,22 +314,21 @@ def test_a_state_with_other_best_weights_is_refused(scripted, tmp_path, exp1):
     scripted(ERRORS)
     out = tmp_path / "m"
     train(exp1, CONFIG_PATIENCE, out)
-    text, tensors = unpack(state_path(out), FORMAT, "a training state")
+    text, tensors = unpack(state_path(out), STATE_FORMAT, "a training state")
     name = next(name for name in tensors if name.startswith("best.generator"))
     for bad in ({**tensors, name: torch.zeros(3)}, {key: value for key, value in tensors.items() if key != name}):
-        state_path(out).write_bytes(pack(FORMAT, text, bad))
+        state_path(out).write_bytes(pack(STATE_FORMAT, text, bad))
         with pytest.raises(DataError, match="does not fit"):
             train(exp1, CONFIG_PATIENCE, out, resume=True)
     none = {key: value for key, value in tensors.items() if not key.startswith("best.")}
-    state_path(out).write_bytes(pack(FORMAT, text, none))
+    state_path(out).write_bytes(pack(STATE_FORMAT, text, none))
     with pytest.raises(DataError, match="is not a training state that can be used"):
         train(exp1, CONFIG_PATIENCE, out, resume=True)
 
 
-@pytest.mark.parametrize(("model", "recipe", "said"), [("gan", "paper", 0), ("energy", "default", 1)])
-def test_a_rate_that_follows_another_plan_is_told(model, recipe, said, tmp_path, exp1):
-    config = make_config(model, recipe, epochs=1, scenes=64, data="uniform")
+def test_a_rate_that_follows_another_plan_is_told(tmp_path, exp1):
+    config = make_config("flow", epochs=1, scenes=64, data="uniform")
     notes = []
     train(exp1, config, tmp_path / "m")
     train(exp1, dataclasses.replace(config, epochs=2), tmp_path / "m", resume=True, on_note=notes.append)
-    assert len([note for note in notes if "plan of 2 epochs from here on" in str(note)]) == said == len(notes)
+    assert len(notes) == 1 and "plan of 2 epochs from here on" in str(notes[0])

@@ -284,7 +284,7 @@ def test_the_scenes_of_a_file(tmp_path):
 def test_the_scenes_of_a_model(text, tmp_path):
     """With two labels to satisfy, the goal is a third one, which the model does not know."""
     spec, out = scenegen.parse(text), tmp_path / "m.safetensors"
-    model = scenegen.train(spec, "gan", recipe="paper", out=out, epochs=1, scenes=64, card=False)
+    model = scenegen.train(spec, "gan", data="uniform", out=out, epochs=1, scenes=64, card=False)
     env = TableTop(spec, source=model)
     rows, infos = starts(env, [{"phi": (-0.3, -0.1)}] * 20, seed=0)
     phi = rescored(text, rows).min(axis=1)
@@ -294,7 +294,7 @@ def test_the_scenes_of_a_model(text, tmp_path):
 
 @pytest.mark.slow
 def test_the_scenes_of_a_model_file(tmp_path):
-    scenegen.train(scenegen.parse(LEFT), "energy", out=tmp_path / "m.safetensors", epochs=1, scenes=2000)
+    scenegen.train(scenegen.parse(LEFT), "flow", out=tmp_path / "m.safetensors", epochs=1, scenes=2000)
     rows, _ = starts(TableTop(LEFT, source=tmp_path / "m.safetensors"), [{"phi": (-0.3, -0.1)}] * 20, seed=0)
     phi = rescored(LEFT, rows)[:, 0]
     assert ((phi >= -0.3) & (phi <= -0.1)).all()

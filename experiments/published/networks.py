@@ -1,4 +1,4 @@
-"""The networks of the published code, as they are: `--recipe paper`.
+"""The networks of the published code, as they are.
 
 They are so small that at batch 32 autograd and the optimiser cost more than the arithmetic.
 `Trainable` lays the weights of an Mlp out in one vector, so that Adam is one kernel, and `Pass` runs forward and
@@ -116,10 +116,12 @@ class PublishedGAN(SceneModel):
     """See the module's text. Losses: `generator`, `discriminator`."""
 
     hyper_class = PublishedGANHyper
+    corrected = False
+    constant_rate = True
     TRAINING_ONLY = ("discriminator",)
 
     def __init__(self, layout: Layout, hyper: PublishedGANHyper) -> None:
-        super().__init__(layout, hyper)
+        super().__init__(Layout(objects=layout.objects, labels=layout.labels), hyper)  # it is told all, as it is
         labels = layout.labels
         self.latent = hyper.latent
         self.generator = Mlp((self.latent + labels, 256, 128, 128, 64, 64, self.width), 0.0)
@@ -211,10 +213,12 @@ class PublishedAAE(SceneModel):
     """See the module's text. Losses: `reconstruction` (squared error per scene), `discriminator`, `encoder`."""
 
     hyper_class = PublishedAAEHyper
+    corrected = False
+    constant_rate = True
     TRAINING_ONLY = ("encoder", "discriminator")
 
     def __init__(self, layout: Layout, hyper: PublishedAAEHyper) -> None:
-        super().__init__(layout, hyper)
+        super().__init__(Layout(objects=layout.objects, labels=layout.labels), hyper)  # it is told all, as it is
         labels = layout.labels
         self.latent = hyper.latent
         self.encoder = Mlp((self.width, 64, 64, 128, 128, 256, self.latent), 0.0)
@@ -254,7 +258,7 @@ class PublishedAAE(SceneModel):
         logits = both.forward()
         torch.sub(torch.sigmoid(logits), passes.is_real, out=both.out_grad).mul_(0.5 / rows)
         both.backward(weights=True, inputs=False)
-        judged = softplus(-logits).mean() + 0.5 * logits[rows:].mean()  # the halved cross-entropy, see gan.py
+        judged = softplus(-logits).mean() + 0.5 * logits[rows:].mean()  # the halved cross-entropy, as above
         self.optimisers["discriminator"].step()
 
         logits = coded.forward()

@@ -30,9 +30,9 @@ def spent() -> tuple[float, float]:
 def measure(words: list[str], workers: int) -> None:
     """The command in this process; prints a line."""
     from scenegen.cli import main
-    from scenegen.sampling import methods
+    from scenegen.sampling import plans
 
-    marks, make = [], methods.make_plan
+    marks, make = [], plans.make_plan
 
     def noted(*given: object, **named: object) -> object:
         marks.append(spent())
@@ -40,7 +40,7 @@ def measure(words: list[str], workers: int) -> None:
         marks.append(spent())
         return plan
 
-    methods.make_plan = noted  # type: ignore[assignment]
+    plans.make_plan = noted  # type: ignore[assignment]
     sys.argv = ["scenegen", "sample", *words, "--workers", str(workers), "--timeout", "36000", "-q"]
     try:
         main()

@@ -16,8 +16,8 @@ from scenegen.lang.checker import check
 from scenegen.lang.formula.core import Atom
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax.parse import parse
-from scenegen.sampling.methods import plan_for
 from scenegen.sampling.plan import Plan
+from scenegen.sampling.plans import plan_for
 from scenegen.sampling.request import SampleRequest
 from scenegen.search.effort import Budget
 

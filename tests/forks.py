@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
-LOADED = ("pybullet", "scenegen.processes.process", "scenegen.sampling.engine.writer", "scenegen.sampling.methods")
+LOADED = ("pybullet", "scenegen.processes.process", "scenegen.sampling.engine.writer", "scenegen.sampling.plans")
 LOADED += ("scenegen.worlds.physics.settling", "scenegen.pictures.render.painter", "scenegen.pictures.render.worker")
 NUMBER = struct.Struct("<q")
 LARGEST = 1 << 20  # bytes of a request: the environment

@@ -21,7 +21,7 @@ from scenegen.learn.models.frames import frames_of
 from scenegen.learn.models.graph import FormulaGraph, graph_of
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.robustness.deciding import deciding_atoms
-from scenegen.sampling.engine.run import draw
+from scenegen.sampling.plans import draw
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.effort import StoppedError

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from experiments.unseen.patience import CpuBudget
 from scenegen.errors import RequestError
 from scenegen.lang.spec import CheckedSpec
-from scenegen.sampling.engine.run import draw
+from scenegen.sampling.plans import draw
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 

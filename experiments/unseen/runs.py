@@ -26,7 +26,7 @@ from scenegen.learn.training.balanced import reach
 from scenegen.learn.training.config import make_config
 from scenegen.processes.pool import one_thread
 from scenegen.sampling.engine.run import in_memory
-from scenegen.sampling.methods import plan_for
+from scenegen.sampling.plans import plan_for
 from scenegen.sampling.request import SampleRequest
 
 TRUTH, BATCH = 20_261_123, 65_536

@@ -123,7 +123,7 @@ def run_in_memory(
     """A checked request's plan, the scenes or motions that it gives, and warnings. Raises RequestError where there are
     too few of them, unless the request keeps partial results."""
     from scenegen.sampling.engine.run import in_memory
-    from scenegen.sampling.methods import plan_for
+    from scenegen.sampling.plans import plan_for
     from scenegen.search.effort import Budget
 
     budget = budget or Budget(request.timeout)

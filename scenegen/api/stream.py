@@ -16,7 +16,7 @@ from scenegen.api.spec import LearnedModel, Spec, check_spec, model_of, spec_of
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import TOO_MANY
 from scenegen.pose import row_count
-from scenegen.sampling.methods import plan_for
+from scenegen.sampling.plans import plan_for
 from scenegen.sampling.request import Ends, FixedPose, Progress, Range, SampleRequest
 from scenegen.scenes.blocks import BLOCK, Block
 from scenegen.scenes.files import check_writable

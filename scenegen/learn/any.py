@@ -35,8 +35,8 @@ from scenegen.learn.models.graph_flow import WEIGHTS, GraphHyper, shipped_weight
 from scenegen.learn.training.balanced import reach
 from scenegen.processes.pool import one_thread
 from scenegen.resources import __version__
-from scenegen.sampling.engine.run import draw
 from scenegen.sampling.plan import Plan
+from scenegen.sampling.plans import draw
 from scenegen.sampling.problem import Problem, make_problem
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.data import WorkspaceData

@@ -19,8 +19,8 @@ from scenegen.errors.declarations import NO_NUMBER_POSSIBLE, NUMBER_LEFT_OUT
 from scenegen.errors.requests import CANNOT_MOVE_SO_MANY, TOO_FEW_MOTIONS
 from scenegen.lang.spec import CheckedSpec, combinations, numbers_text, rows_among
 from scenegen.pose import PLACE, along, row_count, row_of, rows_of
-from scenegen.sampling.engine.run import draw
 from scenegen.sampling.families import NO_SCENE_KINDS, NOT_FOUND_KINDS, assets_of, seed_of
+from scenegen.sampling.plans import draw
 from scenegen.sampling.problem import SCENES_IN_CACHE, Problem
 from scenegen.sampling.request import SampleRequest
 from scenegen.sampling.streams import PAIRS_STREAM

@@ -13,7 +13,14 @@ import numpy.typing as npt
 
 from scenegen.arrays import Array, as_numbers
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.requests import ALL_HELD, CANNOT_BE_HELD, NO_TIME_TO_CHECK, NOT_A_POSE, UNKNOWN_OBJECT
+from scenegen.errors.requests import (
+    ALL_HELD,
+    CANNOT_BE_HELD,
+    NO_TIME_TO_CHECK,
+    NOT_A_POSE,
+    TOO_IMPROBABLE,
+    UNKNOWN_OBJECT,
+)
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core, gate, read_rows
 from scenegen.lang.formula.interpret import phi as evaluate
@@ -190,10 +197,14 @@ def make_problem(
 
 
 def refuse_impossible(problem: Problem, effort: Effort) -> NoReturn:
-    """Raises RequestError for a request of which no cell is left."""
-    from scenegen.sampling.refusals import impossible  # few requests are refused
+    """Raises RequestError for a request of which no cell is left: no scene has it, or some cells are too improbable."""
+    from scenegen.sampling.refusals import impossible, ranges_text  # few requests are refused
 
-    raise RequestError(impossible(problem, effort))
+    asked = problem.request.phi
+    if problem.improbable:
+        raise RequestError(TOO_IMPROBABLE(wanted=ranges_text(asked)))
+    core, lowest, highest = problem.core, problem.lowest, problem.highest
+    raise RequestError(impossible(core, lowest, highest, asked, problem.demand(), tuple(problem.fixed), effort))
 
 
 def phi_varies(problem: Problem) -> bool:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scenegen.arrays import Array
 from scenegen.errors import Diagnostic, RequestError
-from scenegen.errors.requests import NO_SUCH_SCENE, TOO_IMPROBABLE
+from scenegen.errors.requests import NO_SUCH_SCENE
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import REQUIRE, Core
 from scenegen.lang.formula.interpret import phi as evaluate
@@ -20,24 +19,11 @@ from scenegen.search.conflict import conflict_diagnostic, minimal_conflict
 from scenegen.search.contract import Bounds, label_demand
 from scenegen.search.effort import Effort, StoppedError, TooMuchError, scoring_work
 
-if TYPE_CHECKING:
-    from scenegen.sampling.problem import Problem
-
 BOUND_SCENES = 4096  # scenes that tell whether many have phi at its bound
 BOUND_NUMBERS = 1 << 22  # numbers of these at most
 
 
-def impossible(problem: Problem, effort: Effort | None = None) -> Diagnostic:
-    """The error for a request of which no cell is left: it is proved to have no scene, and the error names the atoms
-    that conflict, if there is time to find out; or some cells are only too improbable."""
-    if problem.improbable:
-        return TOO_IMPROBABLE(wanted=_ranges_text(problem.request.phi))
-    effort = Effort() if effort is None else effort
-    asked = problem.request.phi, problem.demand()
-    return _impossible(problem.core, problem.lowest, problem.highest, *asked, tuple(problem.fixed), effort)
-
-
-def _impossible(
+def impossible(
     core: Core,
     lowest: Array,
     highest: Array,
@@ -46,8 +32,10 @@ def _impossible(
     held: Sequence[str],
     effort: Effort,
 ) -> Diagnostic:
-    """The error names the requirement alone where that suffices: then no other range of phi helps."""
-    facts: dict[str, object] = {"wanted": _ranges_text(phi)}
+    """The error for a request that is proved to have no scene. It names the atoms that conflict, if there is time to
+    find out, of the requirement alone where that suffices: then no other range of phi helps. `held` are the objects
+    with a given pose."""
+    facts: dict[str, object] = {"wanted": ranges_text(phi)}
     try:
         found = None
         if REQUIRE in core.labels:
@@ -62,7 +50,8 @@ def _impossible(
     return NO_SUCH_SCENE(**facts) if found is None else conflict_diagnostic(core, found, NO_SUCH_SCENE, **facts)
 
 
-def _ranges_text(phi: Mapping[str, Range]) -> str:
+def ranges_text(phi: Mapping[str, Range]) -> str:
+    """Ranges of phi by label, in words."""
     return " and ".join(f"phi of `{name}` in {wanted}" for name, wanted in phi.items())
 
 
@@ -80,7 +69,7 @@ def refuse_points(
     if any(map(np.isnan, (*low, *high))):
         return
     if minimal_conflict(core, lowest, highest, wanted, search=False, effort=effort) is not None:
-        raise RequestError(_impossible(core, lowest, highest, phi, wanted, held, effort))
+        raise RequestError(impossible(core, lowest, highest, phi, wanted, held, effort))
 
 
 def move_shared_bounds(

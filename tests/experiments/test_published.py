@@ -18,7 +18,7 @@ from scenegen.errors import DataError, RequestError
 from scenegen.geometry import ANGLE, LENGTH
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.checker import check_text
-from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, gated
+from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, gate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models import registry
 from scenegen.learn.models.base import Mlp
@@ -326,4 +326,4 @@ def test_held_objects_and_requirements():
     spec = check_text(text, "held.spec")
     data = boosted(spec, 3000, seeded())
     assert torch.allclose(data.rows[3:], torch.tensor([0.5, 0.4, 1.0])[:, None].expand(3, 3000))
-    assert (Robustness(gated(spec.core)).rows(data.rows)[-1] >= 0.0).all()
+    assert (Robustness(gate(spec.core)).rows(data.rows)[-1] >= 0.0).all()

@@ -11,11 +11,10 @@ from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling.choice import DESCENT_CHAINS, DESCENT_MOVES, SPLITTING_SHARE, MethodChoice, try_rejection
-from scenegen.sampling.engine.run import draw
 from scenegen.sampling.growth.failure import GrowthFailed
 from scenegen.sampling.growth.sampler import Growth, plan_growth
-from scenegen.sampling.methods import make_plan
 from scenegen.sampling.plan import NoPlan, digest
+from scenegen.sampling.plans import draw, make_plan
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rejection.trial import make_trial, search_longer
 from scenegen.sampling.request import Range, SampleRequest

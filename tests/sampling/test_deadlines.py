@@ -15,7 +15,7 @@ from scenegen.lang.formula.core import Apply, Atom, gate
 from scenegen.sampling import report
 from scenegen.sampling.engine.blocks import run_blocks
 from scenegen.sampling.growth.rarity import NoRoom, grow_islands
-from scenegen.sampling.methods import make_plan
+from scenegen.sampling.plans import make_plan
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rejection.trial import TRIAL_WORK, make_trial
 from scenegen.sampling.request import Range, SampleRequest

@@ -15,7 +15,7 @@ from scenegen.errors import DataError, RequestError
 from scenegen.planning.conversion import export_problems
 from scenegen.pose import as_rows
 from scenegen.sampling import pairs
-from scenegen.sampling.engine.run import draw
+from scenegen.sampling.plans import draw
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.effort import Budget

@@ -17,11 +17,11 @@ from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Junction
 from scenegen.sampling import choice
-from scenegen.sampling.engine.run import draw, in_memory
+from scenegen.sampling.engine.run import in_memory
 from scenegen.sampling.families import seed_of
-from scenegen.sampling.methods import make_plan, plan_for
 from scenegen.sampling.parts import independent_parts, pair
 from scenegen.sampling.plan import Tally
+from scenegen.sampling.plans import draw, make_plan, plan_for
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rarity import MixedTail, constant_phi, mean_estimate
 from scenegen.sampling.rejection import draw as draw_staged

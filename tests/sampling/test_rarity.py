@@ -14,7 +14,7 @@ from scenegen.learn.guided import score
 from scenegen.learn.refine import draw as base
 from scenegen.learn.refine import piece_generator
 from scenegen.resources import shipped_specs
-from scenegen.sampling.engine.run import draw
+from scenegen.sampling.plans import draw
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rarity import RequirementUnmet, measure
 from scenegen.sampling.request import Range, SampleRequest

@@ -16,8 +16,8 @@ from scenegen.learn.refine import draw as base
 from scenegen.learn.refine import piece_generator
 from scenegen.learn.robustness import Robustness
 from scenegen.resources import shipped_specs
-from scenegen.sampling.engine.run import draw as run
-from scenegen.sampling.methods import make_plan as make_plan_covers
+from scenegen.sampling.plans import draw as run
+from scenegen.sampling.plans import make_plan as make_plan_covers
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rejection import sampler
 from scenegen.sampling.rejection import trial as covers

@@ -20,7 +20,7 @@ from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.sampling.cells import Cells, cut
 from scenegen.sampling.choice import CELL_COVERS_WORK
-from scenegen.sampling.engine.run import draw as run
+from scenegen.sampling.plans import draw as run
 from scenegen.sampling.problem import hold_fixed, make_problem
 from scenegen.sampling.rejection import sampler
 from scenegen.sampling.rejection import trial as covers

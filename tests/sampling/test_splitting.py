@@ -12,7 +12,7 @@ from scipy import stats
 
 from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
-from scenegen.sampling.engine.run import draw as run
+from scenegen.sampling.plans import draw as run
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.report import probability_info
 from scenegen.sampling.request import Range, SampleRequest

@@ -10,7 +10,7 @@ from scenegen.api.sample import sample
 from scenegen.api.spec import Spec, parse
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
-from scenegen.sampling.engine.run import draw as run
+from scenegen.sampling.plans import draw as run
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.splitting.sampler import Splitting, SplittingStalled, _SceneDescent, make_schedule

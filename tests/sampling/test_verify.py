@@ -24,9 +24,9 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Core
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.resources import shipped_specs
-from scenegen.sampling.engine.run import draw
-from scenegen.sampling.engine.run import draw as run
 from scenegen.sampling.plan import verify
+from scenegen.sampling.plans import draw
+from scenegen.sampling.plans import draw as run
 from scenegen.sampling.problem import SCENES_IN_CACHE, make_problem
 from scenegen.sampling.report import shortfall, too_early
 from scenegen.sampling.request import Range, SampleRequest

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import stats
 
 from scenegen.lang.checker import check_text
-from scenegen.sampling.engine.run import draw
+from scenegen.sampling.plans import draw
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.effort import Budget

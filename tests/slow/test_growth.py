@@ -13,11 +13,11 @@ from scipy import stats
 import scenegen
 from experiments.metrics import chi_square
 from scenegen.lang.checker import check_text
-from scenegen.sampling.engine.run import draw
 from scenegen.sampling.growth import sampler
 from scenegen.sampling.growth.moves import MoveSettings
 from scenegen.sampling.growth.population import grow, spread_scenes
 from scenegen.sampling.growth.sampler import Growth, plan_growth
+from scenegen.sampling.plans import draw
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.effort import Budget

@@ -260,7 +260,7 @@ def _truth(model: Model, ranges: Mapping[str, Range], count: int, budget: Budget
     """Exact scenes (3N, n) and their phi (L, n), in random order, at least half of `count`. Raises RequestError and
     StoppedError where there are fewer within the budget; it decides whether a band is measured, and with how many
     scenes, never what is measured there."""
-    from scenegen.sampling.engine.run import draw
+    from scenegen.sampling.plans import draw
 
     request = SampleRequest(dict(ranges), count, TRUTH_SEED, spread="base" if count > CURVE_SCENES else "flat")
     found = draw(make_problem(model.spec.checked, request, budget), budget)

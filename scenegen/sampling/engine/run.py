@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from scenegen.errors import Diagnostic
 from scenegen.processes.pool import check_workers
 from scenegen.processes.process import cores
 from scenegen.sampling.engine.blocks import run_blocks
-from scenegen.sampling.methods import make_plan
 from scenegen.sampling.plan import Plan, Tally
 from scenegen.sampling.problem import Problem
 from scenegen.sampling.report import run_info, shortfall_of_run
@@ -90,13 +89,3 @@ def resume_record(problem: Problem, versions: Mapping[str, str]) -> dict[str, ob
         "numpy": np.__version__,
         **versions,
     }
-
-
-def draw(
-    problem: Problem, budget: Budget | None = None, progress: Progress | None = None, *, method: str | None = None
-) -> SampledScenes:
-    """Exact scenes for a problem, by the request's method or another one; in this process, unless the request gives a
-    number of workers. Raises RequestError if it is known that there are none."""
-    budget = Budget(problem.request.timeout) if budget is None else budget
-    here = replace(problem.request, workers=problem.request.workers or 1)
-    return in_memory(make_plan(replace(problem, request=here), budget, method=method), budget, progress)

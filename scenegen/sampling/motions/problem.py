@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -18,12 +18,19 @@ from scenegen.sampling.rarity import cost as state_cost
 from scenegen.sampling.request import FixedPose, SampleRequest
 from scenegen.search.effort import NEVER, Stop
 
-if TYPE_CHECKING:
-    from scenegen.sampling.motions.scores import LeanScores
-
 Flags = npt.NDArray[np.bool_]
 Score = Callable[[Array], Array]
 Moves = Literal["one", "all"]
+
+
+class LeanScores(Protocol):
+    """Scores in two stages, for motions whose steps are within their bounds."""
+
+    def of_labels(self, poses: Array) -> Array:
+        """phi of every label, (N, 3, steps + 1, B) -> (L, B)."""
+
+    def of_requirement(self, poses: Array, signs: bool) -> Array:
+        """The requirement's margin, (B,); where it is positive, or with `signs`, only its sign counts."""
 
 
 MAX_MOTION_NUMBERS = 1 << 22  # of motions at once: 32 MB, and each population has a few such arrays

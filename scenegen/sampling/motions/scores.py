@@ -226,7 +226,7 @@ class _TimedFormulas:
 
 
 @dataclass(frozen=True, slots=True)
-class LeanScores:
+class StagedScores:
     """Scores of a spec over time for chains, which ask whether a motion stays in a region, and its phi if it does.
 
     Chains are cheaper to score than motions that are returned:
@@ -261,7 +261,7 @@ class LeanScores:
         return within_a_turn(poses.copy()) if self.bare else poses
 
 
-def make_lean_scores(timed: Timed) -> LeanScores:
+def make_lean_scores(timed: Timed) -> StagedScores:
     """The lean scores of a spec over time."""
     roots = tuple(timed.labels.values())
     labels = _stage(timed, roots, moments_needed(timed, labels=True, requirement=False))
@@ -273,7 +273,7 @@ def make_lean_scores(timed: Timed) -> LeanScores:
         stage = _stage(less, (less.requirement,), needed)
         if any(one.core.nodes != (Const(math.inf),) for one in stage.parts):
             required = stage
-    return LeanScores(labels, required, bool(bare_rows(timed.state)))
+    return StagedScores(labels, required, bool(bare_rows(timed.state)))
 
 
 def _stage(timed: Timed, nodes: tuple[int, ...], needed: Sequence[Mask]) -> _TimedFormulas:

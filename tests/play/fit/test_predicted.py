@@ -19,7 +19,7 @@ from scenegen.errors.requests import (
     WRONG_VALUE,
 )
 from scenegen.play.fit import Fit
-from scenegen.sampling.methods import plan_for
+from scenegen.sampling.plans import plan_for
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.effort import Budget
 
@@ -31,7 +31,7 @@ EDGE = (0.4, 0.6)
 def plan(fit, spec=TASK, **asked):
     source = scenegen.parse(spec)
     asked = {"success": EDGE, **asked}
-    return plan_for(source.declared, check_request(source, SampleRequest(under=fit, **asked)), Budget(60.0))
+    return plan_for(source.definition, check_request(source, SampleRequest(under=fit, **asked)), Budget(60.0))
 
 
 def test_all_scenes_are_in_the_range(fitted):

@@ -13,7 +13,8 @@ import pytest
 import scenegen
 from scenegen.api.request import check_request
 from scenegen.api.spec import model_of, spec_of
-from scenegen.sampling.methods import METHODS, plan_for
+from scenegen.sampling.methods import METHODS
+from scenegen.sampling.plans import plan_for
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.effort import Budget
 
@@ -77,8 +78,8 @@ def _plan(kind, model):
 
 def _paired():
     from scenegen.lang.checker import check_text
-    from scenegen.sampling.methods import make_plan
     from scenegen.sampling.parts import independent_parts, pair
+    from scenegen.sampling.plans import make_plan
     from scenegen.sampling.problem import make_problem
 
     problem = make_problem(check_text(APART), SampleRequest({"task": Range(0.0)}, 20))

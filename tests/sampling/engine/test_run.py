@@ -13,8 +13,8 @@ from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.resources import shipped_specs
 from scenegen.sampling.engine import run
-from scenegen.sampling.engine.run import draw, jobs
-from scenegen.sampling.methods import make_plan
+from scenegen.sampling.engine.run import jobs
+from scenegen.sampling.plans import draw, make_plan
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.effort import Budget

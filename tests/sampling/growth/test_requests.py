@@ -17,13 +17,13 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import REQUIRE, gate
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.resources import shipped_specs
-from scenegen.sampling.engine.run import draw
 from scenegen.sampling.growth import rarity as module
 from scenegen.sampling.growth.graph import Clause
 from scenegen.sampling.growth.model import Particles, make_growth_model
 from scenegen.sampling.growth.population import AncestorEffect, spread_scenes
 from scenegen.sampling.growth.rarity import measure_by_growth
 from scenegen.sampling.growth.room import FreePoses
+from scenegen.sampling.plans import draw
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rarity import measure, needs_growth
 from scenegen.sampling.request import Range, SampleRequest

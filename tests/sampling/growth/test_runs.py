@@ -17,7 +17,7 @@ from scenegen.sampling.growth.failure import late_message
 from scenegen.sampling.growth.packing import packing_proof
 from scenegen.sampling.growth.population import explore
 from scenegen.sampling.growth.sampler import Growth, plan_growth
-from scenegen.sampling.methods import make_plan
+from scenegen.sampling.plans import make_plan
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.effort import Budget, StoppedError

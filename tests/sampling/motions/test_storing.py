@@ -12,7 +12,7 @@ from scenegen.api.scene_arrays import header_of, stored_form
 from scenegen.errors import DataError, RequestError
 from scenegen.sampling.engine.engines import Local, ShardWriter, open_engine
 from scenegen.sampling.engine.writer import write_file, write_set
-from scenegen.sampling.methods import plan_for
+from scenegen.sampling.plans import plan_for
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes import sets
 from scenegen.scenes.formats.registry import MOTION_FORMATS

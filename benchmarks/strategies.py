@@ -64,7 +64,7 @@ def cost(name: str, labels: int, episodes: int) -> float:
 
 def help_of(name: str, learner: str, labels: int, rate: float, seeds: int) -> float:
     """Mean episodes until the learner is done."""
-    from tests.play.environments import learners
+    from tests.play.strategies import learners
 
     kind = partial(getattr(learners, learner), levels=LEVELS, rate=rate)
     settings = {CLOCK[name]: int(6 * LEVELS / rate)} if name in CLOCK else {}

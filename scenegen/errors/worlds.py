@@ -143,11 +143,6 @@ PLACEMENT = Kind(
         "object-not-there",
     ),
 )
-TOO_FEW_LAYOUTS = Kind(
-    "too-few-layouts",
-    "{scenes} scenes for {environments} environments",
-    help="each environment needs at least one: draw more scenes",
-)
 
 # suites
 NOT_A_SUITE = Kind(

@@ -10,11 +10,11 @@ import numpy
 import pytest
 
 import scenegen
+from scenegen import curriculum
 from scenegen.api.feasibility import doubts, idle
 from scenegen.errors import Kind, ScenegenError
 from scenegen.errors.catalog import GROUPS, catalog
 from scenegen.errors.diagnostic import fields
-from scenegen.learn import curriculum
 from scenegen.play.strategies import strategy
 
 CATALOG = catalog()

@@ -19,7 +19,7 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.geometry.footprint import Rectangle, convex_hull
 from scenegen.needs import need
-from scenegen.play.frame import heading_of, rotated, upright
+from scenegen.play.frame import heading_of, rotate, upright
 
 CORNERS = 12  # of a prism at most
 ROBOT = "the robot"
@@ -84,7 +84,7 @@ def prism_of(points: Array, attitude: Array) -> PrismShape:
 
 def matrix(quaternion: Array) -> Array:
     """(3, 3): the rotation of a unit quaternion (w, x, y, z)."""
-    return np.stack([rotated(quaternion, axis) for axis in np.eye(3)], axis=1)
+    return np.stack([rotate(quaternion, axis) for axis in np.eye(3)], axis=1)
 
 
 @contextmanager

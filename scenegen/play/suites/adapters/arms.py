@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import WRONG_VALUE
-from scenegen.play.frame import TableFrame, inverse, rotated, times
+from scenegen.play.frame import TableFrame, inverse, rotate, times
 
 if TYPE_CHECKING:
     from scenegen.play.suites.suite import GradedStart, SuiteTask
@@ -86,7 +86,7 @@ class ArmWorld:
         found = self._poses.copy()
         for which, (foot, attitude) in self._feet.items():
             at, turned = self._body(which)
-            found[which] = self._seen(at + rotated(turned, foot), times(turned, attitude))
+            found[which] = self._seen(at + rotate(turned, foot), times(turned, attitude))
         return found
 
     def _stand(self) -> None:
@@ -96,7 +96,7 @@ class ArmWorld:
             if name in self._models:
                 at, turned = self._body(which)
                 foot, attitude = self.frame.place(self._poses[which].tolist())
-                self._feet[which] = rotated(inverse(turned), foot - at), times(inverse(turned), attitude)
+                self._feet[which] = rotate(inverse(turned), foot - at), times(inverse(turned), attitude)
 
     def _body(self, which: int) -> tuple[Array, Array]:
         body = self.sim.model.body_name2id(self._models[self.names[which]].root_body)

@@ -147,9 +147,9 @@ def plan_of(
 
     def selected(plan: Plan) -> Plan:
         if request.success is not None and plan.reached:
-            from scenegen.play.fit.predicted import Predicted
+            from scenegen.learn.success.predicted import Predicted
 
-            plan = Predicted.of(plan)
+            plan = Predicted.from_request(plan)
         if not request.settle or not plan.reached:
             return plan
         from scenegen.worlds.physics.settling import Settling

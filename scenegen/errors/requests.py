@@ -104,6 +104,11 @@ NO_SUCH_NUMBER = Kind(
 )
 NO_SCENES = Kind("no-scenes", "there are no scenes[[ in {file}]][[ with {counted}]]", help="sample some first")
 NOT_INSTALLED = Kind("not-installed", "{package} is needed {purpose}, and is not installed", help="{command}")
+BAD_PLUGIN = Kind(
+    "bad-plugin",
+    "the {what} `{name}` of the package {package} cannot be used: {reason}",
+    help="tell its authors; without it: `pip uninstall {package}`",
+)
 NO_ENCODER = Kind(
     "no-encoder",
     "PyAV on this machine cannot write H.264: its FFmpeg lacks {encoder}",

@@ -193,8 +193,8 @@ def test_a_model(extended):
 @pytest.mark.slow
 def test_a_strategy(extended):
     project = extended("A strategy")
-    run_tests(project, "tests/play/environments/test_strategies.py", "-k", "in_turn")
-    run_tests(project, "tests/play/environments/test_strategies_help.py", "-k", "in_turn or judged")
+    run_tests(project, "tests/play/strategies/test_strategies.py", "-k", "in_turn")
+    run_tests(project, "tests/play/strategies/test_strategies_help.py", "-k", "in_turn or judged")
 
 
 @pytest.mark.slow

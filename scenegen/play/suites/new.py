@@ -35,8 +35,9 @@ from scenegen.errors.requests import (
     WRONG_VALUE,
 )
 from scenegen.lang.checker import check_file
-from scenegen.play.suites.statistics import Z
-from scenegen.play.suites.suite import BLANK, MANIFEST, NAME_PATTERN, BandData, SuiteFile, TaskData, overlapping
+from scenegen.learn.success.files import BLANK_DIGEST
+from scenegen.learn.success.statistics import Z
+from scenegen.play.suites.suite import MANIFEST, NAME_PATTERN, BandData, SuiteFile, TaskData, overlapping
 from scenegen.sampling.engine.engines import JobResult, each
 from scenegen.sampling.problem import Budget
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
@@ -125,7 +126,9 @@ def new_suite(
             task, data = ended.value
             put(task.scenes, data)
             ways[plan.back].append(task)
-        manifest = SuiteFile(name=out.resolve().name, digest=BLANK, seed=seed, n=n, tasks=ways[0], reversed=ways[1])
+        manifest = SuiteFile(
+            name=out.resolve().name, digest=BLANK_DIGEST, seed=seed, n=n, tasks=ways[0], reversed=ways[1]
+        )
         put(MANIFEST, manifest.dump())
     return SuiteFile.model_validate_json(manifest.dump())
 

@@ -16,8 +16,8 @@ from pathlib import Path
 from scenegen.errors import RequestError
 from scenegen.errors.files import WRONG_ENDING
 from scenegen.errors.requests import GIVEN_TWICE
+from scenegen.learn.success.statistics import PairedDifference, base_rate, required_unpaired_starts, wilson
 from scenegen.play.suites.outcomes import EpisodeOutcome, SuiteOutcomes, check_outcomes, differences, read_outcomes
-from scenegen.play.suites.statistics import PairedDifference, base_rate, needed_unpaired, wilson
 from scenegen.play.suites.suite import GradedStart, Suite
 from scenegen.scenes.files import write_whole
 from scenegen.validation import as_path
@@ -155,12 +155,13 @@ def _differences(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
         low, high = (f"{100 * end:+.1f}" for end in found.interval)
         unlike = differences(one.header, other.header)
         words = [" and ".join(_of_run(name, value) for value in unlike[name]) for name in OF_A_RUN if name in unlike]
-        done = [*one.success.values(), *other.success.values()]
+        success = [*one.success.values(), *other.success.values()]
+        unpaired = required_unpaired_starts(sum(success) / len(success), POINTS)
         rows.append((
             f"{one.name} - {other.name}", f"{100 * found.difference:+.1f} points ({low} to {high})",
             f"{found.first} and {found.second} of {found.n}", f"{found.p:.2g}",
             ", but the runs differ: ".join(["yes" if found.p < 0.05 else "no", *words]),
-            f"{found.needed(POINTS):,} ({needed_unpaired(sum(done) / len(done), POINTS):,} on starts of their own)",
+            f"{found.required_starts(POINTS):,} ({unpaired:,} on starts of their own)",
         ))  # fmt: skip
     head = ("", "difference", "one alone succeeds", "p", "told apart", f"episodes for {100 * POINTS:.0f} points")
     note = (

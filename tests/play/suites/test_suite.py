@@ -11,8 +11,9 @@ from scenegen.api.reading import read_scenes
 from scenegen.errors import DataError
 from scenegen.errors.files import PHI_DIFFERS
 from scenegen.errors.worlds import NOT_A_SUITE
+from scenegen.learn.success.files import BLANK_DIGEST
 from scenegen.play.suites.new import new_suite
-from scenegen.play.suites.suite import BLANK, MANIFEST, Suite, check_suite, overlapping, read_manifest
+from scenegen.play.suites.suite import MANIFEST, Suite, check_suite, overlapping, read_manifest
 
 
 def test_episode_i_has_start_i(small):
@@ -49,7 +50,7 @@ def test_shares_of_starts_at_least_as_hard(small):
 
 def test_the_digest_is_that_of_the_bytes(small):
     data, digest = (small / MANIFEST).read_bytes(), read_manifest(small).digest
-    assert hashlib.sha256(data.replace(digest.encode(), BLANK.encode(), 1)).hexdigest() == digest
+    assert hashlib.sha256(data.replace(digest.encode(), BLANK_DIGEST.encode(), 1)).hexdigest() == digest
 
 
 def test_checked_as_a_whole(small):
@@ -69,8 +70,8 @@ def forged(folder):
     data = json.loads((folder / MANIFEST).read_bytes())
     for task in data["tasks"] + data["reversed"]:
         task["sha256"] = hashlib.sha256((folder / task["scenes"]).read_bytes()).hexdigest()
-    text = json.dumps({**data, "digest": BLANK})
-    (folder / MANIFEST).write_text(text.replace(BLANK, hashlib.sha256(text.encode()).hexdigest(), 1))
+    text = json.dumps({**data, "digest": BLANK_DIGEST})
+    (folder / MANIFEST).write_text(text.replace(BLANK_DIGEST, hashlib.sha256(text.encode()).hexdigest(), 1))
     return folder
 
 

@@ -10,11 +10,11 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.play.fit.fit import Fit, TaskFit
+from scenegen.learn.success.fit import Fit, TaskFit
 from scenegen.sampling.plan import AGREE, Account, Piece, Plan, Selection, Tally, digest
 from scenegen.sampling.request import Range
 
-TRIES = 4  # pieces that are looked at, as long as none has a scene in the range
+MAX_PIECES = 4  # pieces that are looked at, as long as none has a scene in the range
 OWN_FACTS = 3  # of a piece: scenes looked at, scenes kept, and the sum of the predictions; then the plan's own
 
 
@@ -30,7 +30,7 @@ class Predicted(Selection):
     found: tuple[int, ...] | None = None
 
     @staticmethod
-    def of(plan: Plan) -> Predicted:
+    def from_request(plan: Plan) -> Predicted:
         """As `success` and `under` of the plan's request want it. Raises DataError for a file that is no fit, and
         RequestError for a fit of other tasks, and where it never predicts such a rate."""
         problem, ends = plan.problem, plan.problem.request.success
@@ -42,11 +42,11 @@ class Predicted(Selection):
         if low > most or high < least:
             wanted = f"a range of what the fit predicts in {task.name}: from {least:.3g} to {most:.3g}"
             raise RequestError(OUT_OF_RANGE(argument="success", value=str(ends), wanted=wanted))
-        made = Predicted(problem, plan, task, fit.run.policy, low, high, why=plan.why)
+        predicted = Predicted(problem, plan, task, fit.run.policy, low, high, why=plan.why)
         if len(plan.reached) == 1:
-            return made
-        cells = (set(made.draw(k).cell.tolist()) & {*plan.reached} for k in range(TRIES))
-        return replace(made, found=tuple(sorted(next(filter(None, cells), plan.reached))))
+            return predicted
+        cells = (set(predicted.draw(k).cell.tolist()) & {*plan.reached} for k in range(MAX_PIECES))
+        return replace(predicted, found=tuple(sorted(next(filter(None, cells), plan.reached))))
 
     @property
     def plan_digest(self) -> str:
@@ -77,10 +77,10 @@ class Predicted(Selection):
         """The plan's own account, of all its scenes, and how many of them were kept."""
         looked, kept, total = tally.facts[:OWN_FACTS] or (0.0, 0.0, 0.0)
         own = self.plan.account(replace(tally, facts=tally.facts[OWN_FACTS:]))
-        said = {"range": [self.low, self.high], "policy": self.policy, "task": self.fit.name}
+        request = {"range": [self.low, self.high], "policy": self.policy, "task": self.fit.name}
         note = f"of {looked:,.0f} scenes {kept:,.0f} have a predicted success of {self.low:g}:{self.high:g}"
         note += f"; it is {total / looked:.3g} on the average" if looked else ""
-        return replace(own, info={**own.info, "success": {**said, "kept": kept / max(looked, 1.0)}}, note=note)
+        return replace(own, info={**own.info, "success": {**request, "kept": kept / max(looked, 1.0)}}, note=note)
 
     def misses(self) -> tuple[Array, Array]:
         return Plan.misses(self)  # none: where scenes are missing, few have such a prediction

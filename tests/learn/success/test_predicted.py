@@ -18,7 +18,7 @@ from scenegen.errors.requests import (
     UNREACHED_CELLS,
     WRONG_VALUE,
 )
-from scenegen.play.fit import Fit
+from scenegen.fit import Fit
 from scenegen.sampling.problem import Budget
 from scenegen.sampling.request import Range, SampleRequest
 

@@ -1,6 +1,6 @@
 """The policies of examples/policies/ with errors of eye and hand, in metres, that follow the start's seed.
 
-    scenegen suite run graded/ --world scenegen.play.suites.adapters.table:make --steps 100 \\
+    scenegen suite run graded/ --world table --steps 100 \\
         --policy experiments/success/policies.py:steady --out graded.steady.jsonl
 
 `cloned` finds its weights where the environment variable CLONED says.

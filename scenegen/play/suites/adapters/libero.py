@@ -1,4 +1,4 @@
-"""A task of LIBERO, judged by LIBERO's own `check_success`: `libero:make`, or `libero:seeing` with pictures.
+"""A task of LIBERO, judged by LIBERO's own `check_success`: the world `libero`, or `libero-pictures`.
 
 The name of the suite's task is that of LIBERO's task. If its spec is that of the environment (`scenegen libero` writes
 it), things are put where the start has them, and settle. Else the start in row k of the task's scenes begins from row k

@@ -1,4 +1,4 @@
-"""Any spec of boxes and cylinders as a robosuite table-top environment with a Panda: `table:make`.
+"""Any spec of boxes and cylinders as a robosuite table-top environment with a Panda: the world `table`.
 
 An episode succeeds when the hand has let go, all objects are at rest, and phi of the task's success label, read back
 from the simulation, is 0 or more. Physics is cheap: no pictures, none of robosuite's sensors, ten actions a second.

@@ -61,7 +61,7 @@ def check_policy(policy: Any, observation: Any, env: Any = None, instruction: st
     actions = []
     for words, seed in ((instruction, 0), ("", 1), (instruction, 0)):
         if resets:
-            act.reset(seed)
+            act.reset(seed)  # type: ignore[attr-defined]
         given = copy.deepcopy(observation)
         action = act(given, words)
         _check(_equal(given, observation), "the policy changes the observation")
@@ -76,7 +76,7 @@ def check_policy(policy: Any, observation: Any, env: Any = None, instruction: st
 
 
 def _act_at_random(env: Any) -> Policy:
-    space = getattr(env, "action_space", None)
+    space: Any = getattr(env, "action_space", None)
     _check(space is not None, "give check_world a policy: the environment has no action_space to take actions from")
     space.seed(0)
     actions = [space.sample() for _ in range(CHECKED_STEPS)]

@@ -21,7 +21,7 @@ from scenegen.pose import FLAT, PLACE, span_of
 
 Kind = Literal["phi", "margin", "clutter", "distance", "place"]
 MONOTONE_KINDS: tuple[Kind, ...] = ("phi", "margin")  # a start where more of these is there is no harder
-MAX_OBJECTS = 8  # objects of the success formula whose distances and surroundings are looked at
+MAX_FEATURE_OBJECTS = 8  # objects of the success formula whose distances and surroundings are looked at
 NEAR_DISTANCE = 0.1  # metres
 
 
@@ -65,7 +65,7 @@ def things_of(spec: CheckedSpec, label: str) -> list[int]:
     nodes = (spec.core.nodes[index] for index in below(spec.core.nodes, [spec.core.labels[label]]))
     read = {node.object for node in nodes if isinstance(node, Coord)}
     free = sorted(one for one in read if one < len(spec.objects))
-    return [*free, *(one for one in sorted(spec.fixed) if one not in free)][:MAX_OBJECTS]
+    return [*free, *(one for one in sorted(spec.fixed) if one not in free)][:MAX_FEATURE_OBJECTS]
 
 
 def _formula_features(spec: CheckedSpec, label: str, rows: Array) -> Iterator[tuple[Feature, Array]]:

@@ -45,7 +45,7 @@ from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.arrange import check_scenes
 from scenegen.validation import as_path
 
-PATIENCE = 20.0  # seconds after which a request counts as unreachable; scenes found earlier do not depend on it
+DRAW_PATIENCE = 20.0  # seconds after which a request counts as unreachable; scenes found earlier do not depend on it
 MAX_CACHED_SCENES = 1 << 18  # 50 MB of seven objects
 MAX_LIBRARIES = 8  # that are cached
 PILOT_SCENES, LIBRARY_SCENES = 4096, 4096  # drawn to find out which phi is hard, and also used as scenes
@@ -79,7 +79,7 @@ class Sampler:
         self._from: Spec | Model = target.spec if model is None else model.with_spec(target.spec)
 
     def draw(
-        self, phi: Mapping[str, Range], n: int, seed: int, spread: str = "flat", patience: float = PATIENCE
+        self, phi: Mapping[str, Range], n: int, seed: int, spread: str = "flat", patience: float = DRAW_PATIENCE
     ) -> Scenes:
         """Up to n scenes with phi in the ranges, at least one: as many as are found in `patience` seconds. Raises
         RequestError."""

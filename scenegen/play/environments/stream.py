@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from scenegen.errors import RequestError
 from scenegen.errors.learning import NO_START_IN_FILE
-from scenegen.play.environments.library import PATIENCE, Library, PhiIndex, Scenes
+from scenegen.play.environments.library import DRAW_PATIENCE, Library, PhiIndex, Scenes
 from scenegen.play.environments.request import PhiRanges
 from scenegen.play.recent import Recent
 from scenegen.sampling.request import Range
@@ -29,7 +29,7 @@ from scenegen.sampling.request import Range
 StartScene = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
 """A scene (3N,) and its phi (D,)."""
 
-SHORT_PATIENCE = 2.0  # seconds, as PATIENCE, if the nearest scenes may be used instead
+SHORT_PATIENCE = 2.0  # seconds, as DRAW_PATIENCE, if the nearest scenes may be used instead
 FIRST_DRAW, MAX_DRAW = 4096, 32_768  # scenes of the first draw for cells, and the maximum for later draws
 FIRST_OWN_DRAW = 1024  # scenes of the first draw for one band
 MAX_LEFTOVER = 2048  # unused scenes of a bucket that are kept when a later draw is added
@@ -101,7 +101,7 @@ class LibraryStream:
         self._out_of_reach: set[PhiRanges] = set()
         self._fills: dict[tuple[int, ...], int] = {}
 
-    def take(self, ranges: PhiRanges, *, nearest: bool = False, patience: float = PATIENCE) -> StartScene:
+    def take(self, ranges: PhiRanges, *, nearest: bool = False, patience: float = DRAW_PATIENCE) -> StartScene:
         """A scene and its phi, after draws of at most `patience` seconds. With `nearest`, a scene of the nearest cell
         is used if the request cannot be satisfied quickly. Raises RequestError, but not with `nearest`."""
         patience = SHORT_PATIENCE if nearest else patience

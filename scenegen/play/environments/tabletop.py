@@ -102,7 +102,8 @@ class TableTop(gymnasium.Env[Observations, Any]):
         self.moves, self.views = self.rules.moves, self.rules.views
         self.starts = SceneStarts(self.scenes, self.rules, source, phi)
         self.episodes = Episodes(self.rules, self.starts)
-        self.action_space, self.observation_space = self.moves.space(), self.views.space()
+        observation_space: Any = self.views.space()
+        self.action_space, self.observation_space = self.moves.space(), observation_space
         self.render_mode = self.easel.mode
         self._began = self._ended = False
 

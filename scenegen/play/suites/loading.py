@@ -26,7 +26,7 @@ WORLDS = {
     "libero": "scenegen.play.suites.adapters.libero:make",
     "libero-pictures": "scenegen.play.suites.adapters.libero:seeing",
 }
-GROUPS: dict[Role, str] = {"world": "scenegen.worlds", "policy": "scenegen.policies"}
+ENTRY_POINT_GROUPS: dict[Role, str] = {"world": "scenegen.worlds", "policy": "scenegen.policies"}
 
 
 def check_name(role: Role, text: str) -> None:
@@ -38,7 +38,7 @@ def check_name(role: Role, text: str) -> None:
     if where and name.isidentifier():
         return
     own = WORLDS if role == "world" else {}
-    known = [] if ":" in text else sorted({*own, *plugins(GROUPS[role], role, own)})
+    known = [] if ":" in text else sorted({*own, *plugins(ENTRY_POINT_GROUPS[role], role, own)})
     if text not in known:
         forms = "MODULE:NAME or FILE.py:NAME" + (", or http://HOST:PORT" if role == "policy" else "")
         wanted = f"{forms}, or one of {quoted(known)}" if known else forms
@@ -50,7 +50,7 @@ def load_named(role: Role, text: str) -> Any:
     text = WORLDS.get(text, text) if role == "world" else text
     where, _, name = text.rpartition(":")
     if not where:
-        return load_plugin(plugins(GROUPS[role], role, WORLDS if role == "world" else ())[text], role, ())
+        return load_plugin(plugins(ENTRY_POINT_GROUPS[role], role, WORLDS if role == "world" else ())[text], role, ())
     if not where.endswith(".py"):
         return getattr(importlib.import_module(where), name)
     key = str(Path(where).resolve())  # no name of another module
@@ -69,7 +69,7 @@ def versions_of(world: str) -> dict[str, str]:
     where = WORLDS.get(world, world).rpartition(":")[0]
     package = where.partition(".")[0]
     if not where:
-        dist = plugins(GROUPS["world"], "world", WORLDS)[world].dist
+        dist = plugins(ENTRY_POINT_GROUPS["world"], "world", WORLDS)[world].dist
         package = "" if dist is None else dist.name
     if package and not where.endswith(".py"):
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):

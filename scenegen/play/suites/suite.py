@@ -32,7 +32,7 @@ from scenegen.scenes.files import inside, read_bytes
 from scenegen.scenes.sets import Seed, Sha256
 from scenegen.validation import as_int, as_path
 
-MANIFEST = "suite.json"
+SUITE_JSON = "suite.json"
 NAME_PATTERN = r"[^\x00-\x1f\x7f-\x9f\u2028\u2029/\\]{1,200}"  # part of a file's name, and of lines
 Name = Annotated[str, Field(pattern=f"^{NAME_PATTERN}$")]
 
@@ -216,11 +216,11 @@ def find_suite(folder: str | Path) -> Path:
 def read_manifest(folder: Path) -> SuiteFile:
     """suite.json of a folder. Raises DataError, also for bytes without their digest and for other files than it
     says."""
-    file = load_with_digest(SuiteFile, folder / MANIFEST, "a suite", "a suite")
+    file = load_with_digest(SuiteFile, folder / SUITE_JSON, "a suite", "a suite")
     for task in (*file.tasks, *file.reversed):
         scenes = folder / task.scenes
         if hashlib.sha256(read_bytes(scenes, "a scenes file of the suite")).hexdigest() != task.sha256:
-            reason = f"it does not have the checksum that {MANIFEST} says"
+            reason = f"it does not have the checksum that {SUITE_JSON} says"
             raise DataError(NOT_A_SUITE(file=scenes, what="that of the suite", reason=reason))
     return file
 

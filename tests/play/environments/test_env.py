@@ -19,7 +19,7 @@ import scenegen
 from scenegen.curriculum import PhiBox, TableTop, TableTopVector
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES, NO_TIME_TO_CHECK
-from scenegen.play.environments.library import PATIENCE, Sampler, forget
+from scenegen.play.environments.library import DRAW_PATIENCE, Sampler, forget
 from scenegen.play.environments.request import PhiRanges
 from scenegen.play.environments.stream import SHORT_PATIENCE
 from scenegen.play.strategies import strategy
@@ -346,7 +346,7 @@ def test_where_the_nearest_will_do_there_is_always_a_scene(text, monkeypatch):
     env.reset(seed=0)
     waited = []
 
-    def no_time(self, ranges, n, seed, spread="flat", patience=PATIENCE):
+    def no_time(self, ranges, n, seed, spread="flat", patience=DRAW_PATIENCE):
         waited.append(patience)
         raise RequestError(NO_SCENES())
 

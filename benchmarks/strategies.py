@@ -5,7 +5,7 @@
 Cost: `next_task` and `report` together, CPU time, the fastest of three runs, less the same loop with a strategy that
 does nothing; refits included. Half of the outcomes succeed, so that nothing ever settles.
 
-Help: the learners of tests/play/environments/learners.py. A chain of 20 levels, each of which can be learnt as far as
+Help: the learners of tests/play/strategies/learners.py. A chain of 20 levels, each of which can be learnt as far as
 the one before it is: there a curriculum must help. 20 levels that have nothing to do with each other: there nothing
 can beat even practice. `quick` moves a fifth of the way per episode, `slow` a twentieth. Means over the seeds, as
 shares of uniform's episodes; `linear` and `ordered` are told how long to take: 30 and 120 episodes a level.
@@ -64,7 +64,7 @@ def cost(name: str, labels: int, episodes: int) -> float:
 
 def help_of(name: str, learner: str, labels: int, rate: float, seeds: int) -> float:
     """Mean episodes until the learner is done."""
-    from tests.play.environments import learners
+    from tests.play.strategies import learners
 
     kind = partial(getattr(learners, learner), levels=LEVELS, rate=rate)
     settings = {CLOCK[name]: int(6 * LEVELS / rate)} if name in CLOCK else {}

@@ -10,12 +10,12 @@ env = gymnasium.make(NAME, spec="leftOf(mug, plate) & aboveOf(mug, plate)", move
 print("actions:", env.unwrapped.moves.names, " observations:", env.unwrapped.views.names)
 
 # one episode by a hand-written policy, from a scene that misses the goal by 30 to 40 cm
-seen, info = env.reset(seed=0, options={"phi": (-0.4, -0.3)})
-over, total = False, 0.0
-while not over:
-    mug_x, _, plate_x, _ = seen
-    seen, reward, terminated, truncated, info = env.step(1 if mug_x > plate_x else 2)
-    over, total = terminated or truncated, total + reward
+observation, info = env.reset(seed=0, options={"phi": (-0.4, -0.3)})
+done, total = False, 0.0
+while not done:
+    mug_x, _, plate_x, _ = observation
+    observation, reward, terminated, truncated, info = env.step(1 if mug_x > plate_x else 2)
+    done, total = terminated or truncated, total + reward
 print(f"reward {total:g}, phi {info['phi']['task']:+.3f}, success {info['is_success']}")
 
 # 64 tables at once: how far do random moves get, by how hard the start was?

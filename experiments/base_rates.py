@@ -21,10 +21,11 @@ import numpy as np
 import scenegen
 from scenegen.api.scene_arrays import rows_of
 from scenegen.arrays import Array, Index
-from scenegen.play.fit import allocate, base_rate
-from scenegen.play.fit.features import Feature, measured, things_of
-from scenegen.play.fit.logistic import SETS, Outcomes, auc, brier, calibration_error, chosen
-from scenegen.play.fit.rates import cut
+from scenegen.fit import allocate, base_rate
+from scenegen.learn.success.features import Feature, measure_features, things_of
+from scenegen.learn.success.logistic import FEATURE_SETS, Outcomes, fit_logistic
+from scenegen.learn.success.measures import auc, brier, calibration_error
+from scenegen.learn.success.rates import cut_strata
 from scenegen.play.suites.suite import Suite, SuiteTask
 from scenegen.pose import X, Y, along
 
@@ -59,7 +60,7 @@ def starts_of(task: SuiteTask) -> Starts:
     scenes = scenegen.sample(task.spec, n=POOL, seed=1, spread="base", timeout=600)
     spec = task.spec.checked
     rows = rows_of(spec, scenes)
-    features, values = measured(spec, task.success, rows)
+    features, values = measure_features(spec, task.success, rows)
     first = things_of(spec, task.success)[0]
     return Starts(features, values, np.stack([rows[along(X)][first], rows[along(Y)][first]]))
 
@@ -113,7 +114,7 @@ def measure(task: SuiteTask, name: str, pool: Starts, true: Array) -> dict[str, 
         some = np.concatenate([rng.choice(np.flatnonzero(bands == k), IN_A_BAND, replace=False) for k in range(5)])
         success = rng.random(len(some)) < true[some]
         outcomes = Outcomes(pool.features, pool.values[:, some], success, some)
-        fit = chosen(outcomes, monotone=False)
+        fit = fit_logistic(outcomes, monotone=False)
         predicted = fit([one.name for one in pool.features], pool.values)
         test = rng.choice(len(true), TESTED)
         y = rng.random(TESTED) < true[test]
@@ -123,12 +124,12 @@ def measure(task: SuiteTask, name: str, pool: Starts, true: Array) -> dict[str, 
             ("least Brier", brier(y, true[test])),
             ("AUC", auc(y, predicted[test])),
             ("AUC of phi", auc(y, pool.phi[test])),
-            ("reads", float([*SETS].index(fit.reads))),
+            ("reads", float([*FEATURE_SETS].index(fit.reads))),
         ):
             found.setdefault(measure, []).append(value)
         rates = (np.bincount(bands[some], success) + 1.0) / (IN_A_BAND + 2.0)
         for n in ROLLOUTS:
-            ends, _, given = cut(predicted, n // 5)
+            ends, _, given = cut_strata(predicted, n // 5)
             estimated("uniform", np.zeros(len(true), dtype=np.intp), n, np.array([n]))
             estimated("fit", np.searchsorted(ends[1:-1], predicted), n, given)
             estimated("phi", bands, n, allocate(np.full(5, 0.2), rates, n // 5))

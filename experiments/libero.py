@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from scenegen.play.libero.files import SUITES, LiberoTask, make_environment, tasks_of
+from scenegen.play.libero.files import LIBERO_SUITES, LiberoTask, make_environment, tasks_of
 from scenegen.play.libero.measure import LiveModel
 
 REQUESTS: dict[str, Any] = {"miss": None, "solved": {"goal": (0.0, None)}}
@@ -119,7 +119,7 @@ def by_lot(seed: int, count: int) -> list[LiberoTask]:
     from libero.libero.envs.bddl_utils import robosuite_parse_problem
 
     found = []
-    for task in (task for suite in SUITES for task in tasks_of(suite)):
+    for task in (task for suite in LIBERO_SUITES for task in tasks_of(suite)):
         with contextlib.redirect_stdout(io.StringIO()):
             problem = robosuite_parse_problem(str(task.file))
         fixtures = {name for names in problem["fixtures"].values() for name in names}
@@ -150,7 +150,7 @@ def table(lines: list[dict[str, Any]], states: int) -> None:
     print("| suite | tasks | with all | starts / scenes | solved / scenes | agree | moved, mm | seconds |")
     print("|---|---|---|---|---|---|---|---|")
     short = [one for one in lines if any(one.get(name, {}).get("n", 0) < states for name in REQUESTS)]
-    for suite in (*SUITES, "all"):
+    for suite in (*LIBERO_SUITES, "all"):
         mine = [one for one in lines if suite in (one["suite"], "all")]
         cells = [suite, len(mine), sum(one not in short for one in mine)]
         cells += [
@@ -189,7 +189,7 @@ def main() -> None:
     done = set()
     if given.out.exists():
         done = {(one["suite"], one["task"]) for one in map(json.loads, given.out.read_text().splitlines())}
-    every = [task for suite in SUITES for task in tasks_of(suite)]
+    every = [task for suite in LIBERO_SUITES for task in tasks_of(suite)]
     for task in every if given.lot is None else by_lot(given.lot, given.tasks):
         line: dict[str, Any] = {"suite": task.suite, "task": task.name}
         if tuple(line.values()) in done or not re.search(given.only, "/".join(line.values())):

@@ -24,12 +24,13 @@ from pathlib import Path
 import numpy as np
 
 from scenegen.arrays import Array, Bool
-from scenegen.play.fit import base_rate
-from scenegen.play.fit.fit import fit_outcomes, outcomes_of
-from scenegen.play.fit.logistic import auc, brier, by_chance, calibration_error, chosen, held_out, with_interval
-from scenegen.play.fit.rates import cut
+from scenegen.fit import base_rate
+from scenegen.learn.success.logistic import fit_logistic, predict_held_out
+from scenegen.learn.success.measures import auc, bootstrap_interval, brier, calibration_error, chance_error
+from scenegen.learn.success.rates import cut_strata
+from scenegen.learn.success.statistics import wilson
+from scenegen.play.fit import fit_outcomes, outcomes_of
 from scenegen.play.suites.outcomes import read_outcomes
-from scenegen.play.suites.statistics import wilson
 from scenegen.play.suites.suite import Suite
 
 ROLLOUTS, REPEATS = 1_000, 1_000
@@ -48,9 +49,9 @@ def row(suite: Suite, number: int, path: Path) -> list[str]:
     task, run = suite.tasks[number], read_outcomes(path, suite)
     ended = {one.episode: [one.success] for one in run.episodes if one.task == task.name}
     data = outcomes_of(suite, task, ended)
-    y, p, phi = data.success, held_out(data, False), data.values[0]
+    y, p, phi = data.success, predict_held_out(data, False), data.values[0]
     other, rate, rng = boosted(data.values.T, y), float(y.mean()), np.random.default_rng(number)
-    ends, probability, given = cut(p, ROLLOUTS // 5)
+    ends, probability, given = cut_strata(p, ROLLOUTS // 5)
     which = np.searchsorted(ends[1:-1], p)
     strata = [np.flatnonzero(which == k) for k in range(len(given))]
     found, uniform = [], []
@@ -61,12 +62,12 @@ def row(suite: Suite, number: int, path: Path) -> list[str]:
     width = np.diff(found).mean() / np.diff(uniform).mean()
     least = np.sqrt(p * (1.0 - p)).mean() ** 2 / max(1e-9, rate * (1.0 - rate))
     covers = np.mean([low <= rate <= high for low, high in found])
-    mine, of_phi = (with_interval(auc, y, one, data.start) for one in (p, phi))
+    mine, of_phi = (bootstrap_interval(auc, y, one, data.start) for one in (p, phi))
     interval = "{:.2f} ({:.2f} to {:.2f})"
     return [
         task.name, run.header.policy, f"{len(y)}", f"{rate:.2f}", interval.format(*of_phi), interval.format(*mine),
-        f"{brier(y, p):.3f}", "{:.3f} ({:.3f}, {:.3f})".format(calibration_error(y, p), *by_chance(p)),
-        chosen(data, False).reads, f"{auc(y, other):.2f}", f"{calibration_error(y, other):.3f}",
+        f"{brier(y, p):.3f}", "{:.3f} ({:.3f}, {:.3f})".format(calibration_error(y, p), *chance_error(p)),
+        fit_logistic(data, False).reads, f"{auc(y, other):.2f}", f"{calibration_error(y, other):.3f}",
         f"{least:.2f}", f"{width:.2f}", f"{covers:.2f}",
     ]  # fmt: skip
 
@@ -88,11 +89,11 @@ def judged(folder: str, path: Path, base: Suite, other: Path) -> list[list[str]]
         task = next(task for task in base.tasks if task.name == one.name)
         ended = {each.episode: [each.success] for each in run.episodes if each.task == task.name}
         data = outcomes_of(base, task, ended)
-        y, p, interval = data.success, data.predicted(one.model), "{:.2f} ({:.2f} to {:.2f})"
-        of_phi, mine = (with_interval(auc, y, values, data.start) for values in (data.values[0], p))
+        y, p, interval = data.success, data.predict(one.model), "{:.2f} ({:.2f} to {:.2f})"
+        of_phi, mine = (bootstrap_interval(auc, y, values, data.start) for values in (data.values[0], p))
         rows.append([
             one.name, fit.run.policy, f"{one.episodes}", f"{len(y)}", interval.format(*of_phi), interval.format(*mine),
-            "{:.3f} ({:.3f}, {:.3f})".format(calibration_error(y, p), *by_chance(p)), one.model.reads,
+            "{:.3f} ({:.3f}, {:.3f})".format(calibration_error(y, p), *chance_error(p)), one.model.reads,
             interval.format(*one.base_rate), interval.format(y.mean(), *wilson(float(y.mean()), len(y))),
         ])  # fmt: skip
     return rows

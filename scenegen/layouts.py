@@ -1,11 +1,10 @@
-"""Start layouts for simulators that run many environments at once: tensors (B, N, 7), and files of layouts.
+"""Start layouts for simulators that run many environments at once: tensors (B, N, 7).
 
 from scenegen.layouts import Layouts
 layouts = Layouts(spec, (0, None), quaternion="wxyz", device="cuda")
 poses, phi = layouts.take(len(env_ids))
 """
 
-from scenegen.play.arena import write_arena_episodes, write_arena_pool
 from scenegen.play.layouts import Layouts, Taken
 
-__all__ = ["Layouts", "Taken", "write_arena_episodes", "write_arena_pool"]
+__all__ = ["Layouts", "Taken"]

@@ -1,6 +1,6 @@
 """The scripted policy in tasks of LIBERO in which one thing is put somewhere: it makes the spec from the environment.
 
-    scenegen suite run SUITE --policy examples/policies/scripted_libero.py:Scripted --world ...adapters.libero:make
+    scenegen suite run SUITE --policy examples/policies/scripted_libero.py:Scripted --world libero
 
 Drawers, doors and knobs are beyond it, and so is what its fingers do not go around: bowls and plates.
 """

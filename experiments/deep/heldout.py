@@ -13,7 +13,7 @@ import numpy.typing as npt
 from experiments.deep.tasks import Task
 from experiments.measure import Array, rows_of
 from scenegen.api.sample import sample
-from scenegen.play.environments.tabletop import Rules, Tables
+from scenegen.play.environments.rules import Rules, Tables
 
 SEED = 2**31 + 7
 Policy = Callable[[npt.NDArray[np.float32]], npt.NDArray[Any]]
@@ -35,10 +35,10 @@ def success(rules: Rules, scenes: Array, policy: Policy, horizon: int) -> float:
     tables = Tables(scenes, rules.score(scenes), np.zeros(scenes.shape[1]))
     solved = 0
     for _ in range(horizon):
-        actions = rules.moves.checked(policy(rules.views(tables.rows)), tables.rows.shape[1])
+        actions = rules.moves.as_actions(policy(rules.views(tables.rows)), tables.rows.shape[1])
         after, done = rules.step(tables, actions)
         solved += int(done.success.sum())
-        on = ~done.ended
+        on = ~done.terminated
         if not on.any():
             break
         tables = Tables(after.rows[:, on], after.phi[:, on], after.slack[on])

@@ -13,14 +13,14 @@ from experiments.success.policies import EXAMPLES
 from scenegen.api.spec import parse
 from scenegen.play.libero.files import tasks_of
 from scenegen.play.suites.adapters.libero import make
-from scenegen.play.suites.run import named
+from scenegen.play.suites.loading import load_named
 
 STEPS = 200
 
 
 def main(suite: str = "libero_object", rows: str = "3") -> None:
     """Prints a line for each task."""
-    scripted = named(f"{EXAMPLES / 'scripted_libero.py'}:Scripted")
+    scripted = load_named("policy", f"{EXAMPLES / 'scripted_libero.py'}:Scripted")
     for task in tasks_of(suite):
         bare: Any = SimpleNamespace(name=task.name, spec=parse("leftOf(a, b)"))  # of no suite: LIBERO's own states
         world = make(bare)

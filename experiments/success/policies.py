@@ -1,6 +1,6 @@
 """The policies of examples/policies/ with errors of eye and hand, in metres, that follow the start's seed.
 
-    scenegen suite run graded/ --world scenegen.play.suites.adapters.table:make --steps 100 \\
+    scenegen suite run graded/ --world table --steps 100 \\
         --policy experiments/success/policies.py:steady --out graded.steady.jsonl
 
 `cloned` finds its weights where the environment variable CLONED says.
@@ -11,14 +11,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from scenegen.play.suites.run import named
+from scenegen.play.suites.loading import load_named
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "policies"
 STEADY, SHAKY = 0.003, 0.015
 
 
 def scripted(env: Any, error: float) -> Any:
-    return named(f"{EXAMPLES / 'scripted.py'}:Scripted")(env, see=error, put=error)
+    return load_named("policy", f"{EXAMPLES / 'scripted.py'}:Scripted")(env, see=error, put=error)
 
 
 def steady(env: Any) -> Any:
@@ -30,7 +30,7 @@ def shaky(env: Any) -> Any:
 
 
 def cloned(env: Any) -> Any:
-    return named(f"{EXAMPLES / 'cloned.py'}:Cloned")(env, see=STEADY, put=STEADY)
+    return load_named("policy", f"{EXAMPLES / 'cloned.py'}:Cloned")(env, see=STEADY, put=STEADY)
 
 
 def n08(env: Any) -> Any:

@@ -21,7 +21,7 @@ SETTINGS = ((1, 0.002), (1, 0.004), (4, 0.004))  # steps for which torques stay,
 def main(folder: str) -> None:
     """Prints a line for each setting."""
     suite = Suite.load(folder)
-    for table.HOLD, table.STEP in SETTINGS:
+    for table.TORQUE_STEPS, table.PHYSICS_STEP in SETTINGS:
         play = Player(
             suite.folder, suite.reverse, f"{table.__name__}:make", f"{policies.__file__}:steady", False, STEPS
         )
@@ -33,7 +33,8 @@ def main(folder: str) -> None:
             found += map(play, numbers)
             spent += time.process_time() - began
         won, steps = sum(one.success for one in found), sum(one.steps for one in found) / len(found)
-        print(f"torques each {table.HOLD * table.STEP * 1e3:.0f} ms, steps of {table.STEP * 1e3:.0f} ms: "
+        step = table.PHYSICS_STEP * 1e3
+        print(f"torques each {table.TORQUE_STEPS * step:.0f} ms, steps of {step:.0f} ms: "
               f"{spent / len(found):.2f} s an episode of {steps:.0f} actions; {won} succeed")  # fmt: skip
 
 

@@ -18,15 +18,15 @@ import numpy.typing as npt
 
 from scenegen.api.spec import parse
 from scenegen.arrays import Array
-from scenegen.play.fit.logistic import auc, with_interval
+from scenegen.learn.success.measures import auc, bootstrap_interval
+from scenegen.learn.success.statistics import wilson
 from scenegen.play.suites.outcomes import read_outcomes
-from scenegen.play.suites.statistics import wilson
 from scenegen.play.suites.suite import Suite
 
 
 def both(phi: Array, success: npt.NDArray[np.bool_]) -> str:
     """The AUC with its interval."""
-    return "{:.2f} ({:.2f} to {:.2f})".format(*with_interval(auc, success, phi, np.arange(len(phi))))
+    return "{:.2f} ({:.2f} to {:.2f})".format(*bootstrap_interval(auc, success, phi, np.arange(len(phi))))
 
 
 def rows(suite: Suite, paths: Sequence[Path]) -> list[str]:

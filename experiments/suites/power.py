@@ -29,8 +29,8 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.arrays import Array, Index
+from scenegen.learn.success.statistics import PairedDifference, Z
 from scenegen.play.suites.outcomes import read_outcomes
-from scenegen.play.suites.statistics import PairedDifference, Z
 from scenegen.play.suites.suite import Suite
 
 REPEATS, POWER, MOST = 200, 0.8, 4000

@@ -9,8 +9,8 @@ from scenegen.cli.options import argument, option
 from scenegen.cli.output import detail, print_columns, print_error
 
 if TYPE_CHECKING:
-    from scenegen.play.fit.fit import TaskFit
-    from scenegen.play.fit.logistic import Interval
+    from scenegen.learn.success.fit import TaskFit
+    from scenegen.learn.success.measures import Interval
 
 
 HEADS = ("task", "episodes", "base rate", "AUC of phi", "AUC", "Brier", "calibration error", "by chance", "reads")
@@ -38,7 +38,7 @@ def fit(
     calibration error is the mean difference of predicted and true rates; `by chance` is what perfect predictions would
     show in so few episodes: on the average, and at most in 95 % of cases. Intervals are of 95 %.
     """
-    from scenegen.play.fit.fit import fit_outcomes
+    from scenegen.play.fit import fit_outcomes
     from scenegen.scenes.files import check_writable
     from scenegen.scenes.formats.registry import check_ending
 

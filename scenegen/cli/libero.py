@@ -41,10 +41,10 @@ def libero(
     by which LIBERO and LeRobot find the states. What was made by the same request before is not made again. A task with
     too few states is named with the reasons, the others are made, and the exit status is 1.
     """
-    from scenegen.play.libero.files import LABELS, StatesJob, tasks_of, write_home
+    from scenegen.play.libero.files import SPEC_LABELS, StatesJob, tasks_of, write_home
     from scenegen.sampling.request import parse_phi
 
-    parse_phi(phi or (), LABELS)
+    parse_phi(phi or (), SPEC_LABELS)
     tasks = tasks_of(name)
     home = write_home(out)
     job = _TaskJob(StatesJob(out, tuple(phi or ()), n, seed, settle))

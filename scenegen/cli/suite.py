@@ -44,7 +44,9 @@ def suite(
     seed: int | None = option("new: the same seed gives the same suite; default: 0.", "N"),
     success: str | None = option("new: the label of success; default: goal, or the only one.", "LABEL"),
     start: str | None = option("new: the label that starts satisfy; default: start, if there is one.", "LABEL"),
-    world: str | None = option("run: a function of a task that makes its environment.", "MODULE:NAME|FILE.py:NAME"),
+    world: str | None = option(
+        "run: table, libero, or a function of a task that makes its environment.", "MODULE:NAME|FILE.py:NAME"
+    ),
     policy: str | None = option("run: what acts.", "MODULE:NAME|FILE.py:NAME|URL"),
     reverse: bool = option("run: the reversed tasks, whose starts are goals."),
     instruction: str | None = option("run: own, or empty: the same starts without a word.", "own|empty"),

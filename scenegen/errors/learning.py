@@ -6,18 +6,7 @@ from scenegen.errors.diagnostic import Kind
 
 NO_START_IN_FILE = Kind(
     "no-start-in-file",
-    ("{motions:?}the source has no motion with {wanted}", "the file has no scene with {wanted}"),
-    note=("{motions:?}only motions that meet what the spec requires count",),
-    help=("{motions:?}draw some with `scenegen sample`, or leave `source` out",),
-)
-MOTIONS_OF_ANOTHER_SPEC = Kind(
-    "motions-of-another-spec",
-    "these are motions of {found:quoted} over {steps} steps, not of {wanted:quoted} over {horizon}",
-    help="draw them from the same spec with `scenegen sample`",
-)
-NOT_A_FIRST_SCENE = Kind(
-    "not-a-first-scene",
-    "no motion of this spec begins with this scene: {reason}",
+    "the file has no scene with {wanted}",
 )
 DRAW_TOO_SLOW = Kind(
     "draw-too-slow",

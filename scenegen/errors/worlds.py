@@ -122,11 +122,6 @@ PLACEMENT = Kind(
         "ask for another range of phi{found:?}",
     ),
 )
-TOO_FEW_LAYOUTS = Kind(
-    "too-few-layouts",
-    "{scenes} scenes for {environments} environments",
-    help="each environment needs at least one: draw more scenes",
-)
 
 # suites
 NOT_A_SUITE = Kind(

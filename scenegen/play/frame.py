@@ -9,7 +9,6 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from scenegen.api.scene_arrays import SceneArrays, poses7
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
@@ -22,30 +21,22 @@ metres above its lowest point, by name; 0 for names that are left out."""
 Axis: TypeAlias = Literal["x", "y", "z"]
 """The axis of a body's own frame that points up where it stands."""
 
-ORDERS = {"wxyz": [0, 1, 2, 3, 4, 5, 6], "xyzw": [0, 1, 2, 4, 5, 6, 3]}
+POSE_ORDERS = {"wxyz": [0, 1, 2, 3, 4, 5, 6], "xyzw": [0, 1, 2, 4, 5, 6, 3]}
 # quaternions (w, x, y, z) that turn the axis up: x about y by -90 degrees, y about x by 90 degrees
-UPRIGHT = {
+UP_TURNS = {
     "x": (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0),
     "y": (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0),
     "z": (1.0, 0.0, 0.0, 0.0),
 }
 
 
-def placed(
-    scenes: SceneArrays, origin: Sequence[float], turn: float, origins: Origins, up: Mapping[str, Axis] | None = None
-) -> Array:
-    """(n, N, 7), scenes as `in_world` has their poses. Raises RequestError."""
-    poses: Array = poses7(scenes.header, scenes.poses, scenes.on, tensor=False, dtype="float64")
-    return in_world(scenes.header, poses, origin, turn, origins, up)
-
-
-def in_world(
+def poses_in_world(
     header: SceneFile,
     poses: Array,
     origin: Sequence[float],
     turn: float,
     origins: Origins,
-    up: Mapping[str, Axis] | None = None,
+    up: Mapping[str, Axis],
 ) -> Array:
     """(n, N, 7): x, y, z in metres and qw, qx, qy, qz, in the world, of `poses` (n, N, 7) in the spec's frame.
 
@@ -57,24 +48,24 @@ def in_world(
     objects = [one.name for one in header.objects]
     poses[..., 2] += lifts(header, origins)
     at, quaternions = frame.place(np.moveaxis(poses, -1, 0))
-    for name, axis in ({} if up is None else up).items():
+    for name, axis in up.items():
         if name not in objects:
             raise RequestError(UNKNOWN_CHOICE(what="object", name=str(name), known=objects))
-        if axis not in UPRIGHT:
-            raise RequestError(UNKNOWN_CHOICE(what="axis", plural="axes", name=str(axis), known=tuple(UPRIGHT)))
+        if axis not in UP_TURNS:
+            raise RequestError(UNKNOWN_CHOICE(what="axis", plural="axes", name=str(axis), known=tuple(UP_TURNS)))
         which = objects.index(name)
-        quaternions[..., which] = times(quaternions[..., which], UPRIGHT[axis])
+        quaternions[..., which] = times(quaternions[..., which], UP_TURNS[axis])
     return np.moveaxis(np.concatenate([at, quaternions]), 0, -1)
 
 
 def quaternion_order(name: str) -> list[int]:
     """Where the numbers of a pose, which are x, y, z, qw, qx, qy, qz here, go. Raises RequestError."""
-    if name not in ORDERS:
+    if name not in POSE_ORDERS:
         orders = "orders of a quaternion"
         raise RequestError(
-            UNKNOWN_CHOICE(what="order of a quaternion", plural=orders, name=str(name), known=tuple(ORDERS))
+            UNKNOWN_CHOICE(what="order of a quaternion", plural=orders, name=str(name), known=tuple(POSE_ORDERS))
         )
-    return ORDERS[name]
+    return POSE_ORDERS[name]
 
 
 def lifts(header: SceneFile, origins: Origins) -> Array:
@@ -90,10 +81,6 @@ def lifts(header: SceneFile, origins: Origins) -> Array:
         raise RequestError(WRONG_VALUE(argument="origins", value=repr(origins), wanted=wanted))
     half = 0.5 if origins == "middle" else 0.0
     return half * np.array([one.shape.height for one in header.objects])
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# One pose at a time, in both directions; quaternions are (w, x, y, z).
 
 
 Numbers: TypeAlias = Sequence[float] | Array
@@ -125,7 +112,7 @@ class TableFrame:
 
 
 def times(first: Numbers, second: Numbers) -> Array:
-    """The product of two quaternions, or of many, (4, ...): the second rotation, then the first."""
+    """The product of two quaternions (w, x, y, z), or of many, (4, ...): the second rotation, then the first."""
     a, b, c, d = first
     w, x, y, z = second
     return np.array(
@@ -144,7 +131,7 @@ def inverse(quaternion: Numbers) -> Array:
     return np.array([w, -x, -y, -z])
 
 
-def rotated(quaternion: Numbers, vector: Numbers) -> Array:
+def rotate(quaternion: Numbers, vector: Numbers) -> Array:
     """A vector (3,), turned by a quaternion."""
     return times(times(quaternion, [0.0, *vector]), inverse(quaternion))[1:]
 

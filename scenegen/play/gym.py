@@ -15,12 +15,31 @@ from scenegen.api.scene_arrays import make_header
 from scenegen.api.spec import Spec, check_spec
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
-from scenegen.errors.learning import NO_EPISODE
 from scenegen.errors.requests import CONFLICTING_ARGUMENTS, MISSING_ARGUMENT, OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.lang.checker import check_text
-from scenegen.play.frame import UPRIGHT, Axis, Origins, TableFrame, flat, in_world, inverse, quaternion_order, times
-from scenegen.play.starts import AHEAD, RangeStarts, Start, StartSource, Wanted, is_strategy, make_starts, phi_at
-from scenegen.play.tasks import Outcome, PhiBox
+from scenegen.play.frame import (
+    UP_TURNS,
+    Axis,
+    Origins,
+    TableFrame,
+    flat,
+    inverse,
+    poses_in_world,
+    quaternion_order,
+    times,
+)
+from scenegen.play.starts import (
+    STARTS_AHEAD,
+    RangeStarts,
+    Start,
+    StartSource,
+    Wanted,
+    make_starts,
+    phi_at,
+    report_outcome,
+    require_start,
+)
+from scenegen.play.tasks import PhiBox, is_strategy
 from scenegen.sampling.streams import EPISODE_STARTS_STREAM
 from scenegen.scenes.data import RequestData
 from scenegen.validation import as_int, as_list, as_number, as_point, as_seconds, as_success, by_name
@@ -69,7 +88,7 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
         up: Mapping[str, Axis] | None = None,
         goal: str | None = None,
         success: str = "is_success",
-        ahead: int = AHEAD,
+        ahead: int = STARTS_AHEAD,
         seed: int = 0,
         timeout: float = 60.0,
     ) -> None:
@@ -90,16 +109,16 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
             raise RequestError(OUT_OF_RANGE(argument="ahead", value=ahead, wanted="1 or more"))
         seed, timeout = as_int("seed", seed), as_seconds("timeout", timeout)
         self._starts = make_starts(spec, phi, goal, seed, timeout, ahead)
-        self._asked: Phi | PhiBox | None = None  # by the options of a reset
-        self._ranges = RangeStarts(spec, lambda: self._asked, seed, timeout, ahead)
+        self._reset_phi: Phi | PhiBox | None = None  # by the options of a reset
+        self._ranges = RangeStarts(spec, lambda: self._reset_phi, seed, timeout, ahead)
         self._rng = np.random.default_rng([seed, EPISODE_STARTS_STREAM])
         self._total, self._steps, self._reported = 0.0, 0, True
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin an episode from the next scene, from one with phi in `options["phi"]`, or from `options["start"]`."""
         rest = dict(by_name("options", {} if options is None else options, 'options by name: {"phi": (-0.1, 0)}'))
-        given, self._asked = rest.pop("start", None), rest.pop("phi", None)
-        if given is not None and self._asked is not None:
+        given, self._reset_phi = rest.pop("start", None), rest.pop("phi", None)
+        if given is not None and self._reset_phi is not None:
             raise RequestError(CONFLICTING_ARGUMENTS(one="start", other="phi"))
         names, shape = self.table.objects, np.shape(getattr(given, "poses", ()))
         if given is not None and (shape != (len(names), 7) or getattr(given, "objects", names) != names):
@@ -107,39 +126,39 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
             raise RequestError(WRONG_VALUE(argument="start", value=repr(given), wanted=wanted))
         if seed is not None:
             self._rng = np.random.default_rng([seed, EPISODE_STARTS_STREAM])
-        source: StartSource = self._starts if self._asked is None else self._ranges
+        source: StartSource = self._starts if self._reset_phi is None else self._ranges
         choose = getattr(source, "choose", None)
         start: Start = given or (source.take() if choose is None else choose(self._rng))
         _, info = self.env.reset(seed=seed, options=rest or None)
         frame = self._frame
-        poses = in_world(self._header, start.poses[None], frame.origin, frame.turn, self._origins, self._up)
+        poses = poses_in_world(self._header, start.poses[None], frame.origin, frame.turn, self._origins, self._up)
         for name, pose in zip(self.table.objects, poses[0][:, self._order], strict=True):
             self._put(self.unwrapped, name, pose)
         self.start, self._total, self._steps, self._reported = start, 0.0, 0, False
-        begun = {key: value for key, value in info.items() if key != self._success}  # judged before things were put
-        return self._observe(self.unwrapped), {**begun, "phi": dict(start.phi)}
+        rest = {key: value for key, value in info.items() if key != self._success}  # judged before things were put
+        return self._observe(self.unwrapped), {**rest, "phi": dict(start.phi)}
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """A step of the environment; at the end of the episode the strategy hears of it."""
-        seen, reward, terminated, truncated, info = self.env.step(action)
+        observation, reward, terminated, truncated, info = self.env.step(action)
         self._total, self._steps = self._total + float(reward), self._steps + 1
         if (terminated or truncated) and not self._reported:
             self._reported = True
-            info = {**info, **self._told(info)}
+            info = {**info, **self._report(info)}
         if self._success in info:
             info = {**info, "success": as_success(str(self.env), info, self._success)}
-        return seen, reward, terminated, truncated, info
+        return observation, reward, terminated, truncated, info
 
     def phi_now(self) -> dict[str, float]:
         """phi of each label where the objects are now. An object that the spec holds counts as in its place; raises
         RequestError where it is off by more than 1 mm or 0.01 rad, without `get`, and before the first start."""
-        start = self._started()
+        start = require_start(self.start)
         return phi_at(self.table, start, self.poses_now())
 
     def poses_now(self) -> Array:
         """(N, 3): where the spec's objects are now, in the spec's frame: x and y in metres, heading in radians. Those
         of which `get` gives no pose are where the start put them. Raises RequestError as `phi_now` does."""
-        start = self._started()
+        start = require_start(self.start)
         if self._get is None:
             raise RequestError(MISSING_ARGUMENT(argument="get", question="say how to read a pose back: get=function"))
         back = np.argsort(self._order)
@@ -154,25 +173,19 @@ class SceneResets(gymnasium.Wrapper[Any, Any, Any, Any]):
                 wanted = "x, y, z and a quaternion, 7 numbers"
                 raise RequestError(WRONG_VALUE(argument=f"get(env, {name!r})", value=repr(given), wanted=wanted))
             pose = numbers[back]
-            found[which] = self._frame.pose(pose[:3], times(pose[3:], inverse(UPRIGHT[self._up.get(name, "z")])))
+            found[which] = self._frame.pose(pose[:3], times(pose[3:], inverse(UP_TURNS[self._up.get(name, "z")])))
         return found
 
-    def _started(self) -> Start:
-        if self.start is None:
-            raise RequestError(NO_EPISODE(state="no scene was placed yet", remedy="reset the environment first"))
-        return self.start
-
-    def _told(self, info: Mapping[str, Any]) -> dict[str, Any]:
+    def _report(self, info: Mapping[str, Any]) -> dict[str, Any]:
         """Report the outcome of the episode to the strategy; what `info` then has of it."""
-        start = self._started()
+        start = require_start(self.start)
         if self._strategy is None or not isinstance(start.task, PhiBox):
-            return {}
+            return {}  # an own source of starts may have tasks of other kinds
         if self._success not in info:
             raise RequestError(UNKNOWN_CHOICE(what="entry of info", name=self._success, known=tuple(info)))
-        phi, success = tuple(start.phi.values()), as_success(str(self.env), info, self._success)
-        self._strategy.report(Outcome(start.task, phi, success, self._total, self._steps))
-        task = {"low": list(start.task.low), "high": list(start.task.high)}
-        return {"outcome": {**task, "phi": list(phi), "success": success, "total": self._total, "steps": self._steps}}
+        success = as_success(str(self.env), info, self._success)
+        outcome = report_outcome(self._strategy, start, success, self._total, self._steps)
+        return {} if outcome is None else {"outcome": outcome.info()}
 
 
 def keep_clear(spec: Spec, x: float, y: float, radius: float) -> Spec:

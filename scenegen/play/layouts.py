@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -10,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.request import Phi, read_phi
-from scenegen.api.sample import draw_scenes
 from scenegen.api.spec import Spec, check_spec
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE, WRONG_VALUE
 from scenegen.needs import need
-from scenegen.play.frame import Axis, Origins, placed, quaternion_order
-from scenegen.sampling.request import SampleRequest
+from scenegen.play.frame import Axis, Origins, poses_in_world, quaternion_order
+from scenegen.play.recent import Recent
+from scenegen.play.starts import draw_shuffled
 from scenegen.sampling.streams import LAYOUTS_STREAM
 from scenegen.validation import as_int, as_list, as_seconds
 
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     import torch
 
 
-DRAWS = 8  # draws that are kept for `at`
+MAX_DRAWS = 8  # that are kept for `at`
 
 
 class Taken(NamedTuple):
@@ -80,7 +79,7 @@ class Layouts:
         self._method, self._timeout, self._workers = method, as_seconds("timeout", timeout), workers
         self._draws = 0
         self._left: Taken | None = None
-        self._kept: OrderedDict[int, Taken] = OrderedDict()
+        self._recent: Recent[int, Taken] = Recent(MAX_DRAWS)
 
     def take(self, count: int, generator: np.random.Generator | torch.Generator | None = None) -> Taken:
         """The next `count` layouts. With a generator, of numpy or torch, they are chosen by it, with repeats, from the
@@ -88,13 +87,13 @@ class Layouts:
         it has found; raises RequestError where it has found none, and with a generator where it has not found all."""
         count = _positive("count", count)
         if generator is not None:
-            return self.at(_chosen(generator, count, self._ahead))
+            return self.at(_random_numbers(generator, count, self._ahead))
         left = self._left
         while left is None or len(left.poses) < count:
             have = 0 if left is None else len(left.poses)
             fresh = self._draw(max(self._ahead, count - have), self._draws, keep_partial=True)
             self._draws += 1
-            left = fresh if left is None else _joined(left, fresh)
+            left = fresh if left is None else _concatenate([left, fresh])
         self._left = Taken(left.poses[count:], left.phi[count:])
         return Taken(left.poses[:count], left.phi[:count])
 
@@ -106,41 +105,26 @@ class Layouts:
         numbers = numbers if numbers.size else numbers.astype(np.intp)
         if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer) or (numbers < 0).any():
             raise RequestError(WRONG_VALUE(argument="index", value=repr(index), wanted="whole numbers from 0 on"))
-        draws = np.unique(numbers // self._ahead)
-        found = [(draw, self._kept_draw(int(draw))) for draw in draws]
-        order = np.argsort(numbers // self._ahead, kind="stable")
-        parts = [_only(taken, numbers[numbers // self._ahead == draw] % self._ahead) for draw, taken in found]
-        if not parts:
-            return _only(self._kept_draw(0), numbers)
-        whole = parts[0]
-        for part in parts[1:]:
-            whole = _joined(whole, part)
-        return _only(whole, np.argsort(order, kind="stable"))
+        if not len(numbers):
+            return _select(self._recent_draw(0), numbers)
+        draw, place = np.divmod(numbers, self._ahead)
+        parts = [_select(self._recent_draw(int(each)), place[draw == each]) for each in np.unique(draw)]
+        order = np.argsort(draw, kind="stable")
+        return _select(_concatenate(parts), np.argsort(order, kind="stable"))
 
-    def _kept_draw(self, number: int) -> Taken:
-        if number not in self._kept:
-            self._kept[number] = self._draw(self._ahead, number, keep_partial=False)
-            if len(self._kept) > DRAWS:
-                self._kept.popitem(last=False)
-        self._kept.move_to_end(number)
-        return self._kept[number]
+    def _recent_draw(self, number: int) -> Taken:
+        return self._recent.get_or_make(number, lambda: self._draw(self._ahead, number, keep_partial=False))
 
     def _draw(self, count: int, number: int, keep_partial: bool) -> Taken:
         source = np.random.SeedSequence([self._seed, LAYOUTS_STREAM, number])
-        request = SampleRequest(
-            self._phi,
-            count,
-            seed=int(source.generate_state(1)[0]),
-            method=self._method,
-            timeout=self._timeout,
-            workers=self._workers,
-            keep_partial=keep_partial,
-            strict=True,
-        )
-        scenes = draw_scenes(self.spec, request)
-        order = np.random.default_rng(source).permutation(len(scenes))  # scenes come sorted by cells of phi
-        poses = placed(scenes, self._origin, self._turn, self._origins, self._up)[order][..., self._order]
-        phi = np.stack(list(scenes.phi.values()), axis=1)[order]
+        scenes = draw_shuffled(
+            self.spec, self._phi, count, source,
+            timeout=self._timeout, keep_partial=keep_partial, method=self._method, workers=self._workers,
+        )  # fmt: skip
+        poses = poses_in_world(scenes.header, scenes.poses7(), self._origin, self._turn, self._origins, self._up)[
+            ..., self._order
+        ]
+        phi = np.stack(list(scenes.phi.values()), axis=1)
         if self._device is None:
             kind: Any = np.float32 if self._dtype is None else self._dtype
             return Taken(poses.astype(kind), phi.astype(kind))
@@ -150,19 +134,19 @@ class Layouts:
         return Taken(*(torch.from_numpy(one).to(self._device, dtype) for one in (poses, phi)))
 
 
-def _joined(first: Taken, second: Taken) -> Taken:
-    if isinstance(first.poses, np.ndarray):
-        return Taken(*(np.concatenate(pair) for pair in zip(first, second, strict=True)))
+def _concatenate(parts: Sequence[Taken]) -> Taken:
+    if isinstance(parts[0].poses, np.ndarray):
+        return Taken(*(np.concatenate(each) for each in zip(*parts, strict=True)))
     from torch import cat
 
-    return Taken(*(cat(pair) for pair in zip(first, second, strict=True)))  # type: ignore[arg-type]
+    return Taken(*(cat(each) for each in zip(*parts, strict=True)))
 
 
-def _only(taken: Taken, which: npt.NDArray[np.intp]) -> Taken:
-    return Taken(*(one[which] for one in taken))
+def _select(taken: Taken, which: npt.NDArray[np.intp]) -> Taken:
+    return Taken(*(values[which] for values in taken))
 
 
-def _chosen(generator: np.random.Generator | torch.Generator, count: int, most: int) -> npt.NDArray[np.intp]:
+def _random_numbers(generator: np.random.Generator | torch.Generator, count: int, most: int) -> npt.NDArray[np.intp]:
     """(count,) whole numbers below `most`. Raises RequestError for what is no generator."""
     if isinstance(generator, np.random.Generator):
         return generator.integers(most, size=count, dtype=np.intp)

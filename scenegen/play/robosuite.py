@@ -17,18 +17,17 @@ from scenegen.api.spec import Spec, check_spec
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.files import SAME_NAME
-from scenegen.errors.learning import NO_EPISODE
 from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.errors.worlds import PLACEMENT
 from scenegen.play.frame import TableFrame, flat, inverse, times
-from scenegen.play.starts import Start, Wanted, is_strategy, make_starts, phi_at
-from scenegen.play.tasks import Outcome
+from scenegen.play.starts import Start, Wanted, make_starts, phi_at, report_outcome, require_start
+from scenegen.play.tasks import is_strategy
 from scenegen.validation import as_int, as_number, as_point, as_seconds
 
 Placed: TypeAlias = dict[str, tuple[tuple[float, float, float], Array, Any]]
 """Object name -> (place, quaternion (w, x, y, z), object), as robosuite's samplers give it."""
 
-TRIES = 1000  # scenes that are tried until one keeps clear of fixtures
+MAX_SCENES_TRIED = 1000  # scenes that are tried until one keeps clear of fixtures
 
 
 class Placement:
@@ -120,13 +119,13 @@ class Placement:
         placed: Placed = dict(fixtures or {})
         objects = self._objects(placed)
         self._frame = TableFrame(self._origin(placed, reference, on_top), self.turn)
-        for _ in range(TRIES):
+        for _ in range(MAX_SCENES_TRIED):
             start = self._starts.take()
-            found = self._placed(start, objects, on_top)
+            found = self._place(start, objects, on_top)
             if not (placed and self.ensure_valid_placement) or _clear(found, placed):
                 break
         else:
-            raise RequestError(PLACEMENT(tried=TRIES, fixtures=tuple(placed)))
+            raise RequestError(PLACEMENT(tried=MAX_SCENES_TRIED, fixtures=tuple(placed)))
         self.start = start
         placed |= found
         left = [one for one in self.mujoco_objects if one.name not in placed]
@@ -135,13 +134,13 @@ class Placement:
     @property
     def phi(self) -> dict[str, float]:
         """phi of the last start, by label. Raises RequestError before the first."""
-        return dict(self._started().phi)
+        return dict(require_start(self.start).phi)
 
     def poses(self, sim: Any) -> Array:
         """(N, 3): where the spec's objects are in a simulation now, in the spec's frame: x and y in metres, heading in
         radians. Objects that the environment does not have are where the start put them. Raises RequestError before
         the first start."""
-        start = self._started()
+        start = require_start(self.start)
         there = {one.name: one for one in self.mujoco_objects}
         found = np.empty((len(self.spec.objects), 3))
         for which, own in enumerate(self.spec.objects):
@@ -158,19 +157,11 @@ class Placement:
     def phi_in(self, sim: Any) -> dict[str, float]:
         """phi of each label where the objects are in a simulation now. An object that the spec holds counts as in its
         place; raises RequestError where it is off by more than 1 mm or 0.01 rad, and before the first start."""
-        return phi_at(self.spec, self._started(), self.poses(sim))
+        return phi_at(self.spec, require_start(self.start), self.poses(sim))
 
     def report(self, success: bool, total: float = 0.0, steps: int = 0) -> None:
         """Tell the strategy how the episode ended that began with the last start; nothing without a strategy."""
-        start = self._started()
-        if self._strategy is not None and start.task is not None:
-            values = tuple(start.phi.values())
-            self._strategy.report(Outcome(start.task, values, bool(success), float(total), int(steps)))
-
-    def _started(self) -> Start:
-        if self.start is None:
-            raise RequestError(NO_EPISODE(state="no scene was placed yet", remedy="reset the environment first"))
-        return self.start
+        report_outcome(self._strategy, require_start(self.start), bool(success), float(total), int(steps))
 
     def _objects(self, placed: Placed) -> list[tuple[int, Any]]:
         """The spec's objects by number, each with its model; those that are held in place may have none."""
@@ -200,7 +191,7 @@ class Placement:
         x, y, z = as_point("reference", at)
         return x, y, z + (float(model.top_offset[-1]) if on_top else 0.0)
 
-    def _placed(self, start: Start, objects: list[tuple[int, Any]], on_top: bool) -> Placed:
+    def _place(self, start: Start, objects: list[tuple[int, Any]], on_top: bool) -> Placed:
         found: Placed = {}
         for which, model in objects:
             (x, y, z), quaternion = self._frame.place(start.poses[which].tolist())

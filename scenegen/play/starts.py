@@ -3,27 +3,28 @@ strategy."""
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeGuard, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
 from scenegen.api.request import Phi, read_phi
 from scenegen.api.sample import draw_scenes
 from scenegen.api.scene_arrays import make_header, poses7, stored_rows
+from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.files import HELD_ELSEWHERE
-from scenegen.errors.learning import NOT_A_TASK
+from scenegen.errors.learning import NO_EPISODE, NOT_A_TASK
 from scenegen.geometry import NUMPY
 from scenegen.geometry.workspace import wrap_headings
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.needs import need
-from scenegen.play.tasks import PhiBox, Strategy
+from scenegen.play.recent import Recent
+from scenegen.play.tasks import Outcome, PhiBox, Strategy, is_strategy
 from scenegen.pose import as_poses, as_rows, row_count
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.streams import STARTS_STREAM
@@ -31,19 +32,20 @@ from scenegen.scenes.arrange import fixed_pose_facts, held_elsewhere, with_switc
 from scenegen.scenes.data import RequestData
 
 if TYPE_CHECKING:
-    from scenegen.play.environments.library import Library, LibraryStream
+    from scenegen.play.environments.library import Library
+    from scenegen.play.environments.stream import LibraryStream
 
 
 Wanted: TypeAlias = "Phi | PhiBox | Strategy | StartSource | Callable[[], Phi | PhiBox | None] | None"
 """A range of phi (see `scenegen.sample`), a strategy, a source of starts, or a function that gives a range for each."""
 
-FIRST, MOST = 1024, 16_384  # scenes of the first draw at a range, and of later ones at most
-AHEAD = 4096  # scenes of a range that a generator chooses among
-RANGES = 64  # ranges whose scenes are kept, the most recent ones
+FIRST_STARTS, MAX_STARTS = 1024, 16_384  # scenes of the first draw at a range, and of later ones at most
+STARTS_AHEAD = 4096  # scenes of a range that a generator chooses among
+MAX_RANGES = 64  # whose scenes are kept
+HELD_TOLERANCE = 1e-3, 0.01  # metres and radians by which a held object may be off in a simulation
 
 
-Ranges: TypeAlias = tuple[tuple[str, Range], ...]
-Kept = TypeVar("Kept")
+SortedRanges: TypeAlias = tuple[tuple[str, Range], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,9 +66,37 @@ class StartSource(Protocol):
         ...
 
 
+def draw_shuffled(
+    spec: Spec,
+    ranges: Mapping[str, Range],
+    count: int,
+    source: np.random.SeedSequence,
+    *,
+    timeout: float,
+    keep_partial: bool,
+    method: str = "auto",
+    workers: int | None = 1,
+) -> SceneSet:
+    """Scenes with phi in the ranges in an order of `source`: samplers give them sorted by cells of phi. With one worker
+    they are drawn in this process: simulators do not like to be forked. Raises RequestError."""
+    seed = int(source.generate_state(1)[0])
+    request = SampleRequest(
+        ranges,
+        count,
+        seed=seed,
+        method=method,
+        timeout=timeout,
+        workers=workers,
+        keep_partial=keep_partial,
+        strict=True,
+    )
+    scenes = draw_scenes(spec, request)
+    return scenes[np.random.default_rng(source).permutation(len(scenes))]
+
+
 class RangeStarts:
-    """Scenes with phi in a range that `wanted` gives for each. Draws grow from `first` to MOST scenes; a range that is
-    asked for again goes on with its own scenes."""
+    """Scenes with phi in a range that `wanted` gives for each. Draws grow from `first` to MAX_STARTS scenes; a range
+    that is asked for again goes on with its own scenes."""
 
     def __init__(
         self,
@@ -74,34 +104,34 @@ class RangeStarts:
         wanted: Callable[[], Phi | PhiBox | None],
         seed: int,
         timeout: float,
-        ahead: int = AHEAD,
-        first: int = FIRST,
+        ahead: int = STARTS_AHEAD,
+        first: int = FIRST_STARTS,
     ) -> None:
         self._spec, self._wanted, self._seed, self._timeout, self._ahead = spec, wanted, seed, timeout, ahead
         self._first = first
         self._draws = 0
-        self._streams: OrderedDict[Ranges, Iterator[Start]] = OrderedDict()
-        self._pools: OrderedDict[Ranges, list[Start]] = OrderedDict()
+        self._streams: Recent[SortedRanges, Iterator[Start]] = Recent(MAX_RANGES)
+        self._pools: Recent[SortedRanges, list[Start]] = Recent(MAX_RANGES)
 
     def take(self) -> Start:
         ranges = self._ranges()
-        stream = _kept(self._streams, ranges, lambda: self._stream(dict(ranges)))
+        stream = self._streams.get_or_make(ranges, lambda: self._stream(dict(ranges)))
         try:
             return next(stream)
         except RequestError:
-            del self._streams[ranges]  # a generator that raised has ended
+            self._streams.drop(ranges)  # a generator that raised has ended
             raise
 
     def choose(self, generator: np.random.Generator) -> Start:
         """One of `ahead` scenes of the range, which are the same whatever was taken before. Raises RequestError, also
         where there is no time to draw them all."""
         ranges, source = self._ranges(), np.random.SeedSequence([self._seed, STARTS_STREAM])
-        pool = _kept(
-            self._pools, ranges, lambda: list(self._drawn(dict(ranges), self._ahead, source, keep_partial=False))
+        pool = self._pools.get_or_make(
+            ranges, lambda: list(self._draw(dict(ranges), self._ahead, source, keep_partial=False))
         )
         return pool[int(generator.integers(len(pool)))]
 
-    def _ranges(self) -> Ranges:
+    def _ranges(self) -> SortedRanges:
         wanted = self._wanted()
         if isinstance(wanted, PhiBox):
             if not len(wanted.low) == len(wanted.high) == len(self._spec.labels):
@@ -115,32 +145,18 @@ class RangeStarts:
         while True:
             source = np.random.SeedSequence([self._seed, STARTS_STREAM, self._draws])
             self._draws += 1
-            yield from self._drawn(ranges, count, source, keep_partial=True)
-            count = min(4 * count, MOST)
+            yield from self._draw(ranges, count, source, keep_partial=True)
+            count = min(4 * count, MAX_STARTS)
 
-    def _drawn(
+    def _draw(
         self, ranges: Mapping[str, Range], count: int, source: np.random.SeedSequence, keep_partial: bool
     ) -> Iterator[Start]:
-        seed = int(source.generate_state(1)[0])
-        request = SampleRequest(
-            ranges, count, seed=seed, timeout=self._timeout, keep_partial=keep_partial, workers=1, strict=True
-        )  # in this process: simulators do not like to be forked
-        scenes = draw_scenes(self._spec, request)
-        places, on = scenes.poses7(), scenes.on
+        scenes = draw_shuffled(self._spec, ranges, count, source, timeout=self._timeout, keep_partial=keep_partial)
+        poses, on = scenes.poses7(), scenes.on
         phi = {label: values.tolist() for label, values in scenes.phi.items()}
-        for index in np.random.default_rng(source).permutation(len(scenes)).tolist():
-            own = {label: values[index] for label, values in phi.items()}
-            yield Start(places[index], own, None if on is None else on[index])
-
-
-def _kept(found: OrderedDict[Ranges, Kept], ranges: Ranges, make: Callable[[], Kept]) -> Kept:
-    """What is kept for a range, or made for it; the RANGES most recent ones are kept."""
-    if ranges not in found:
-        found[ranges] = make()
-        if len(found) > RANGES:
-            found.popitem(last=False)
-    found.move_to_end(ranges)
-    return found[ranges]
+        for index in range(len(scenes)):
+            phi_here = {label: values[index] for label, values in phi.items()}
+            yield Start(poses[index], phi_here, None if on is None else on[index])
 
 
 class StrategyStarts:
@@ -163,7 +179,7 @@ class StrategyStarts:
             return self._next(self._begin(int(generator.integers(2**63))))
 
     def _begin(self, seed: int) -> LibraryStream:
-        from scenegen.play.environments.library import LibraryStream
+        from scenegen.play.environments.stream import LibraryStream
 
         return LibraryStream(_library(self._spec, self._goal), seed)
 
@@ -178,13 +194,13 @@ class StrategyStarts:
         rows = np.asarray(row)[:, None]
         count = row_count(len(self._spec.objects))
         on = stored_rows(self._spec.checked, rows)[count:].T if self._spec.checked.choices else None
-        places = poses7(self._header, as_poses(rows[:count]), on, tensor=False, dtype="float64")
-        found = dict(zip(self._spec.labels, map(float, phi), strict=False))
-        return Start(places[0], found, None if on is None else on[0], task)
+        poses = poses7(self._header, as_poses(rows[:count]), on, tensor=False, dtype="float64")
+        by_label = dict(zip(self._spec.labels, map(float, phi), strict=False))
+        return Start(poses[0], by_label, None if on is None else on[0], task)
 
 
 def make_starts(
-    spec: Spec, wanted: Wanted, goal: str | None, seed: int, timeout: float, ahead: int = AHEAD
+    spec: Spec, wanted: Wanted, goal: str | None, seed: int, timeout: float, ahead: int = STARTS_AHEAD
 ) -> StartSource:
     """Raises RequestError for an invalid range."""
     if isinstance(wanted, StartSource) and not hasattr(wanted, "shape"):  # arrays have a `take` of their own
@@ -200,8 +216,20 @@ def make_starts(
     return RangeStarts(spec, lambda: fixed, seed, timeout, ahead)
 
 
-def is_strategy(wanted: object) -> TypeGuard[Strategy]:
-    return all(callable(getattr(wanted, call, None)) for call in ("next_task", "report"))
+def require_start(start: Start | None) -> Start:
+    """Raises RequestError before the first start."""
+    if start is None:
+        raise RequestError(NO_EPISODE(state="no scene was placed yet", remedy="reset the environment first"))
+    return start
+
+
+def report_outcome(strategy: Strategy | None, start: Start, success: bool, total: float, steps: int) -> Outcome | None:
+    """Tell a strategy how the episode ended that began with a start; nothing where the start was not its own."""
+    if strategy is None or start.task is None:
+        return None
+    outcome = Outcome(start.task, tuple(start.phi.values()), success, total, steps)
+    strategy.report(outcome)
+    return outcome
 
 
 def phi_space(spec: Spec, goal: str | None = None) -> PhiBox:
@@ -233,15 +261,12 @@ def as_request_errors() -> Iterator[None]:
         raise RequestError(diagnostic) from problem
 
 
-HELD = 1e-3, 0.01  # metres and radians by which a held object may be off in a simulation
-
-
 def phi_at(spec: Spec, start: Start, poses: Array) -> dict[str, float]:
     """phi of each label with the objects at `poses` (N, 3), in the spec's frame, on the surfaces of the start. Raises
     RequestError where an object that the spec holds is elsewhere."""
     checked = spec.checked
     rows = wrap_headings(as_rows(poses[None]))
-    moved = held_elsewhere(checked, rows, *HELD)
+    moved = held_elsewhere(checked, rows, *HELD_TOLERANCE)
     if moved is not None:
         raise RequestError(HELD_ELSEWHERE(**fixed_pose_facts(checked, moved[0]), place="in the simulation"))
     if checked.choices:

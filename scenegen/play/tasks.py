@@ -1,12 +1,11 @@
-"""What strategies and environments say to each other: tasks and outcomes; and the names of the environments."""
+"""What strategies and environments say to each other: tasks and outcomes; and the name of the environment."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol, TypeGuard
 
-ID = "scenegen/TableTop-v0"
-MOTION_ID = "scenegen/Motion-v0"
+ENVIRONMENT_ID = "scenegen/TableTop-v0"
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +31,17 @@ class Outcome:
     total: float
     steps: int
 
+    def info(self) -> dict[str, Any]:
+        """The content of `info["outcome"]`, in plain numbers."""
+        return {
+            "low": list(self.task.low),
+            "high": list(self.task.high),
+            "phi": list(self.phi),
+            "success": self.success,
+            "total": self.total,
+            "steps": self.steps,
+        }
+
 
 class Strategy(Protocol):
     """A strategy, usable with any learner: get a task, run an episode, report the outcome."""
@@ -44,3 +54,7 @@ class Strategy(Protocol):
         """Takes the outcome of an episode. Several episodes may run at once, so outcomes need not come in the order of
         the tasks."""
         ...
+
+
+def is_strategy(value: object) -> TypeGuard[Strategy]:
+    return all(callable(getattr(value, call, None)) for call in ("next_task", "report"))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from scenegen.sampling.request import Progress, Range, SampleRequest
 
 SELECTIONS: Mapping[str, str] = {
-    "success": "scenegen.play.fit.predicted:select",
+    "success": "scenegen.learn.success.predicted:select",
     "settle": "scenegen.worlds.physics.settling:select",
 }
 """The options of a request that leave out scenes: what makes a plan of a plan (see `plan.Selection`) and a budget."""

@@ -130,13 +130,10 @@ def test_links_lead_somewhere(page):
     assert missing == []
 
 
-OTHERS = {"layout_pool_serialization.py"}  # of Isaac Lab-Arena
-
-
 @pytest.mark.parametrize("page", [page for page in PAGES if page.parent.name != "adr"], ids=name_of)
 def test_every_module_that_a_page_names_exists(page):
     text = re.sub(r"^( *)```.*?^\1```$", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
-    named = set(re.findall(r"`([\w./-]+\.py)`", text)) - OTHERS
+    named = set(re.findall(r"`([\w./-]+\.py)`", text))
     there = {str(path.relative_to(ROOT)) for top in FOLDERS for path in (ROOT / top).rglob("*.py")}
     whole = {name for name in named if "NAME" not in name}
     assert not [name for name in whole if not any(f"/{one}".endswith(f"/{name}") for one in there)]

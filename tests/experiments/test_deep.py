@@ -14,7 +14,7 @@ from experiments.deep.runs import IN_A_ROW, MASTERED, Job, Record, kept, mastere
 from experiments.deep.tasks import TASKS
 from experiments.figures.learning import STYLES, together
 from experiments.run import run
-from scenegen.play.environments.tabletop import make_rules
+from scenegen.play.environments.rules import make_rules
 from scenegen.play.strategies.levels import Linear
 from scenegen.play.tasks import PhiBox
 

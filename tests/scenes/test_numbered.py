@@ -8,8 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 
 import scenegen
+from scenegen.api.scene_arrays import rows_of
 from scenegen.errors import DataError
-from scenegen.layouts import write_arena_pool
 
 SPEC = "object block[1..3], cup[1..2], mug\ntask: forall b in block: leftOf(b, mug)\n"
 
@@ -136,9 +136,9 @@ def test_a_header_that_contradicts_itself_is_refused(scenes, tmp_path, damage):
     assert error.value.diagnostics[0].code == "damaged-scenes"
 
 
-def test_what_needs_the_same_objects_refuses_them(scenes, tmp_path):
+def test_what_needs_the_same_objects_refuses_them(scenes):
     with pytest.raises(DataError, match="differ in how many things there are"):
-        write_arena_pool(scenes, tmp_path / "pool.json", num_envs=1)
+        rows_of(scenegen.parse("leftOf(mug, cup)").checked, scenes)
 
 
 @pytest.mark.long

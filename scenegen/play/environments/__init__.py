@@ -1,8 +1,7 @@
 """Learning with the scenes: environments, and strategies that choose the next task.
 
-If gymnasium is installed, importing this registers `scenegen/TableTop-v0` and `scenegen/Motion-v0` (gymnasium 1.0 has
-no plugins, so an import is needed): `gymnasium.make("scenegen.curriculum:scenegen/TableTop-v0", spec=...)` does the
-import.
+If gymnasium is installed, importing this registers `scenegen/TableTop-v0` (gymnasium 1.0 has no plugins, so an import
+is needed): `gymnasium.make("scenegen.curriculum:scenegen/TableTop-v0", spec=...)` does the import.
 """
 
 from __future__ import annotations
@@ -10,16 +9,14 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from scenegen.play.tasks import ID, MOTION_ID
+from scenegen.play.tasks import ENVIRONMENT_ID
 
-MAX_STEPS = 100  # of an episode, unless given as `gymnasium.make(..., max_episode_steps=)`
+EPISODE_STEPS = 100  # of an episode, unless given as `gymnasium.make(..., max_episode_steps=)`
 
 # name -> the module that defines it
-_PUBLIC = {
+_MODULE_OF = {
     "Curriculum": "scenegen.play.environments.wrapper",
     "CurriculumCallback": "scenegen.play.environments.sb3",
-    "MotionTable": "scenegen.play.environments.motion",
-    "MotionVector": "scenegen.play.environments.motion",
     "Outcome": "scenegen.play.tasks",
     "PhiBox": "scenegen.play.tasks",
     "SB3Vector": "scenegen.play.environments.sb3",
@@ -32,8 +29,6 @@ _PUBLIC = {
 __all__ = [
     "Curriculum",
     "CurriculumCallback",
-    "MotionTable",
-    "MotionVector",
     "Outcome",
     "PhiBox",
     "SB3Vector",
@@ -44,7 +39,6 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from scenegen.play.environments.motion import MotionTable, MotionVector
     from scenegen.play.environments.sb3 import CurriculumCallback, SB3Vector
     from scenegen.play.environments.tabletop import TableTop, TableTopVector
     from scenegen.play.environments.wrapper import Curriculum, VectorCurriculum
@@ -52,9 +46,9 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _PUBLIC:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module 'scenegen.curriculum' has no attribute {name!r}")
-    value = getattr(importlib.import_module(_PUBLIC[name]), name)
+    value = getattr(importlib.import_module(_MODULE_OF[name]), name)
     globals()[name] = value
     return value
 
@@ -63,26 +57,20 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
-def register_environments() -> None:
-    """Make both environments known to gymnasium, once; does nothing if it is not installed."""
+def register_environment() -> None:
+    """Make the environment known to gymnasium, once; does nothing if it is not installed."""
     try:
         import gymnasium
     except ImportError:  # strategies do not need gymnasium
         return
-    if ID in gymnasium.registry:
+    if ENVIRONMENT_ID in gymnasium.registry:
         return
     gymnasium.register(
-        id=ID,
+        id=ENVIRONMENT_ID,
         entry_point="scenegen.play.environments.tabletop:TableTop",
         vector_entry_point="scenegen.play.environments.tabletop:TableTopVector",
-        max_episode_steps=MAX_STEPS,
-    )
-    # its episodes end with the spec's horizon, so there is no limit of steps
-    gymnasium.register(
-        id=MOTION_ID,
-        entry_point="scenegen.play.environments.motion:MotionTable",
-        vector_entry_point="scenegen.play.environments.motion:MotionVector",
+        max_episode_steps=EPISODE_STEPS,
     )
 
 
-register_environments()
+register_environment()

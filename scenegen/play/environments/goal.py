@@ -3,86 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
-from numbers import Real
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from gymnasium import error
 
 from scenegen.api.spec import Spec, load, parse
 from scenegen.arrays import Array
-from scenegen.errors import Diagnostic, ScenegenError, quoted
-from scenegen.errors.requests import MISSING_ARGUMENT, UNKNOWN_CHOICE, UNKNOWN_LABEL, WRONG_VALUE
+from scenegen.errors import ScenegenError, quoted
+from scenegen.errors.requests import MISSING_ARGUMENT, UNKNOWN_LABEL, WRONG_VALUE
 from scenegen.geometry import MATH, NUMPY
 from scenegen.lang.formula.core import Core, Junction, gate
 from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec, members_of
-
-# --------------------------------------------------------------------------------------------------------------------
-# Bad requests as gymnasium's own errors, in one sentence. Their `diagnostic` has the code and the facts.
-
-
-def sentence(problem: Diagnostic, more: str = "") -> str:
-    """A problem in one line: what is wrong, why, what to do, and its code."""
-    text = "; ".join(part for part in (problem.title, problem.note, problem.help, more) if part)
-    return f"{text} [{problem.code}]"
-
-
-def refused(problem: Diagnostic, kind: type[error.Error] = error.Error, more: str = "") -> error.Error:
-    """A problem as an error of gymnasium, with `more` text at the end."""
-    made: Any = kind(sentence(problem, more))
-    made.diagnostic = problem
-    found: error.Error = made
-    return found
-
-
-def not_a_strategy(value: str) -> Diagnostic:
-    """The problem with what is given as a strategy."""
-    wanted = 'one: strategy("self_paced", env.unwrapped.space, np.random.default_rng(0))'
-    return WRONG_VALUE(argument="strategy", value=value, wanted=wanted)
-
-
-@contextmanager
-def as_gymnasium() -> Iterator[None]:
-    """Turns scenegen's errors into errors of gymnasium."""
-    try:
-        yield
-    except ScenegenError as problem:
-        raise refused(problem.diagnostics[0]) from problem
-
-
-def count(name: str, value: object) -> int:
-    """A whole number from 1 up. Raises gymnasium.error.Error."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-        raise refused(WRONG_VALUE(argument=name, value=repr(value), wanted="a whole number from 1 up"))
-    return int(value)
-
-
-def number(name: str, value: object, unit: str) -> float:
-    """A number, numpy's included. Raises gymnasium.error.Error."""
-    if isinstance(value, bool) or not isinstance(value, Real):
-        raise refused(WRONG_VALUE(argument=name, value=repr(value), wanted=f"a number of {unit}"))
-    return float(value)
-
-
-def one_of(name: str, value: object, known: Sequence[str]) -> None:
-    """Raises gymnasium.error.Error for a word that is not known."""
-    if value not in known:
-        raise refused(UNKNOWN_CHOICE(what=name, name=str(value), known=known, plural=f"values of `{name}`"))
-
-
-def names(name: str, value: object, kind: str) -> tuple[str, ...]:
-    """One name or several, each once. Raises gymnasium.error.Error for anything else."""
-    if isinstance(value, str):
-        return (value,)
-    if not isinstance(value, list | tuple | set | frozenset) or not all(isinstance(one, str) for one in value):
-        wanted = f"the name of {kind}, or a list of names"
-        raise refused(WRONG_VALUE(argument=name, value=repr(value), wanted=wanted))
-    return tuple(dict.fromkeys(sorted(value) if isinstance(value, set | frozenset) else value))
+from scenegen.play.environments.gym_errors import as_names, gym_error
 
 
 def load_spec(spec: Spec | str | Path | None) -> Spec:
@@ -90,7 +26,7 @@ def load_spec(spec: Spec | str | Path | None) -> Spec:
     gymnasium.error.Error, with the diagnostics, for one with mistakes."""
     if spec is None:
         question = 'say what the table is about: spec="leftOf(mug, plate)", or the path of a spec file'
-        raise refused(MISSING_ARGUMENT(argument="spec", question=question), error.MissingArgument)
+        raise gym_error(MISSING_ARGUMENT(argument="spec", question=question), error.MissingArgument)
     if isinstance(spec, Spec):
         return spec
     try:
@@ -103,7 +39,7 @@ def load_spec(spec: Spec | str | Path | None) -> Spec:
     except ScenegenError as problem:
         raise error.Error(str(problem)) from problem
     wanted = "a Spec, the path of a spec file or its text"
-    raise refused(WRONG_VALUE(argument="spec", value=f"of type {type(spec).__name__}", wanted=wanted))
+    raise gym_error(WRONG_VALUE(argument="spec", value=f"of type {type(spec).__name__}", wanted=wanted))
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,30 +55,24 @@ class Goal:
     wanted: tuple[str, ...]
 
 
-def wanted_labels(spec: Spec, goal: str | Sequence[str] | None) -> tuple[str, ...]:
-    """The labels that have to be satisfied, all for None. Raises gymnasium.error.Error for unknown ones."""
-    wanted = spec.labels if goal is None else names("goal", goal, "a label")
-    for name in wanted:
-        if name not in spec.labels:
-            raise refused(UNKNOWN_LABEL(name=name, known=spec.labels))
-    if not wanted:
-        usage = f"a label, {quoted(spec.labels)}, or leave it out"
-        raise refused(WRONG_VALUE(argument="goal", value="empty", wanted=usage))
-    return wanted
-
-
 def make_goal(spec: Spec, goal: str | Sequence[str] | None) -> Goal:
     """`goal` names the labels to satisfy, all of them if it is None. Raises gymnasium.error.Error for unknown ones."""
-    wanted = wanted_labels(spec, goal)
+    wanted = spec.labels if goal is None else as_names("goal", goal, "a label")
+    for name in wanted:
+        if name not in spec.labels:
+            raise gym_error(UNKNOWN_LABEL(name=name, known=spec.labels))
+    if not wanted:
+        usage = f"a label, {quoted(spec.labels)}, or leave it out"
+        raise gym_error(WRONG_VALUE(argument="goal", value="empty", wanted=usage))
     if len(wanted) == 1:
         return Goal(spec, spec.labels, spec.labels.index(wanted[0]), len(spec.labels), wanted)
-    aimed = _aimed(spec.require_scenes(), wanted)
-    members = tuple(_aimed(one, wanted) for one in spec.require_scenes().members)
-    labels = aimed.labels
-    return Goal(Spec(dataclasses.replace(aimed, members=members)), labels, len(labels) - 1, len(spec.labels), wanted)
+    whole = _with_goal(spec.require_scenes(), wanted)
+    members = tuple(_with_goal(one, wanted) for one in spec.require_scenes().members)
+    labels = whole.labels
+    return Goal(Spec(dataclasses.replace(whole, members=members)), labels, len(labels) - 1, len(spec.labels), wanted)
 
 
-def _aimed(spec: CheckedSpec, wanted: Sequence[str]) -> CheckedSpec:
+def _with_goal(spec: CheckedSpec, wanted: Sequence[str]) -> CheckedSpec:
     """The spec with one more label, the minimum of the wanted ones."""
     core = spec.core
     together = Junction("min", tuple(core.labels[name] for name in wanted))

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import error
@@ -29,7 +29,8 @@ from scenegen.errors.requests import (
     WRONG_VALUE,
 )
 from scenegen.lang.spec import CheckedSpec, rows_among
-from scenegen.play.environments.goal import Goal, as_gymnasium, refused
+from scenegen.play.environments.goal import Goal
+from scenegen.play.environments.gym_errors import as_gym_errors, gym_error
 from scenegen.play.tasks import PhiBox
 from scenegen.pose import NAMES, SIZE, THETA, TWO_PI, X, along, row_count, row_of, wrap_heading
 from scenegen.sampling.request import BAND_HALF_WIDTH, Range
@@ -37,7 +38,7 @@ from scenegen.scenes.arrange import check_scenes
 from scenegen.scenes.data import Pose, RestingPose, SceneData
 from scenegen.validation import as_list
 
-OPTIONS = ("phi", "scene", "nearest")
+RESET_OPTIONS = ("phi", "scene", "nearest")
 
 
 @dataclass(frozen=True)
@@ -69,12 +70,20 @@ class PhiRanges:
         return " and ".join(parts) or "any phi"
 
 
+class FirstScene(NamedTuple):
+    """The first scene of an episode, (3N,); its phi, (D,); and the lowest allowed margin of the requirement: 0, or
+    slightly less in a scene that was rounded."""
+
+    row: Array
+    phi: Array
+    slack: float = 0.0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class StartRequest:
-    """Checked options of `reset`: a given scene (its storage, phi, and the lowest allowed margin of the requirement),
-    or the requested phi; both None if the options have neither."""
+    """Checked options of `reset`: a given scene, or the requested phi; both None if the options have neither."""
 
-    scene: tuple[Array, Array, float] | None = None
+    scene: FirstScene | None = None
     ranges: PhiRanges | None = None
     nearest: bool = False
 
@@ -86,32 +95,24 @@ def everything(target: Goal) -> PhiRanges:
 
 
 def read_phi(target: Goal, phi: object, *, points: bool = False) -> PhiRanges:
-    """(lowest, highest) is for the goal; see `read_ranges`."""
-    return read_ranges(target.names, [target.goal], phi, labels=target.labels, points=points)
-
-
-def read_ranges(
-    names: Sequence[str], goal: Sequence[int], phi: object, *, labels: int | None = None, points: bool = False
-) -> PhiRanges:
-    """(lowest, highest) is for the labels of the goal, a mapping for the labels it names, and a PhiBox for all labels
-    of the spec, the first `labels` of `names`. None is an open end; single values are allowed with `points`. Raises
-    gymnasium.error.Error for anything else and for unknown labels, and gymnasium.error.InvalidBound for ends that are
-    not numbers or are reversed."""
+    """(lowest, highest) is for the goal, a mapping for the labels it names, and a PhiBox for all labels of the spec.
+    None is an open end; single values are allowed with `points`. Raises gymnasium.error.Error for anything else and for
+    unknown labels, and gymnasium.error.InvalidBound for ends that are not numbers or are reversed."""
     if isinstance(phi, PhiRanges):
         return phi
-    known = names[:labels]
+    names, known = target.names, target.names[: target.labels]
     given: Mapping[int, object]
     if isinstance(phi, PhiBox):
         if not all(isinstance(ends, tuple | list | np.ndarray) for ends in (phi.low, phi.high)):
-            raise refused(NOT_A_TASK(value=str(phi)), error.InvalidBound)
+            raise gym_error(NOT_A_TASK(value=str(phi)), error.InvalidBound)
         for side in (phi.low, phi.high):
             if len(side) != len(known):
-                raise refused(NOT_A_TASK(count=len(side), labels=known))
+                raise gym_error(NOT_A_TASK(count=len(side), labels=known))
         given = dict(enumerate(zip(phi.low, phi.high, strict=True)))
     elif isinstance(phi, Mapping):
         given = {_label(names, known, name): ends for name, ends in phi.items()}
     else:
-        given = dict.fromkeys(goal, phi)
+        given = {target.goal: phi}
     low, high = ([end] * len(names) for end in (-math.inf, math.inf))
     for k, ends in given.items():
         low[k], high[k] = _ends(names[k], ends, points)
@@ -121,7 +122,7 @@ def read_ranges(
 def _label(names: Sequence[str], known: Sequence[str], name: object) -> int:
     if name in names:
         return names.index(str(name))
-    raise refused(UNKNOWN_LABEL(name=str(name), known=known))
+    raise gym_error(UNKNOWN_LABEL(name=str(name), known=known))
 
 
 def _ends(name: str, ends: object, points: bool) -> tuple[float, float]:
@@ -131,21 +132,21 @@ def _ends(name: str, ends: object, points: bool) -> tuple[float, float]:
         or len(pair) != 2
         or not all(type(end) is float or end is None or _is_number(end) for end in pair)
     ):
-        raise refused(RANGE_NOT_A_PAIR(label=name, value=repr(ends)), error.InvalidBound)
+        raise gym_error(RANGE_NOT_A_PAIR(label=name, value=repr(ends)), error.InvalidBound)
     try:
         low = -math.inf if pair[0] is None else float(pair[0])
         high = math.inf if pair[1] is None else float(pair[1])
     except OverflowError:
-        raise refused(RANGE_NOT_A_PAIR(end="a number that large", label=name), error.InvalidBound) from None
+        raise gym_error(RANGE_NOT_A_PAIR(end="a number that large", label=name), error.InvalidBound) from None
     if math.isnan(low) or math.isnan(high):
-        raise refused(RANGE_NOT_A_PAIR(end="NaN", label=name), error.InvalidBound)
+        raise gym_error(RANGE_NOT_A_PAIR(end="NaN", label=name), error.InvalidBound)
     if low > high:
-        raise refused(RANGE_REVERSED(label=name, low=low, high=high), error.InvalidBound)
+        raise gym_error(RANGE_REVERSED(label=name, low=low, high=high), error.InvalidBound)
     if low == high and math.isinf(low):
-        raise refused(RANGE_NOT_A_PAIR(end=f"{low:g} at both sides", label=name), error.InvalidBound)
+        raise gym_error(RANGE_NOT_A_PAIR(end=f"{low:g} at both sides", label=name), error.InvalidBound)
     if low == high and not points:
         band = f"{low - BAND_HALF_WIDTH:g}:{low + BAND_HALF_WIDTH:g}"
-        raise refused(SINGLE_VALUE(label=name, value=low, band=band), error.InvalidBound)
+        raise gym_error(SINGLE_VALUE(label=name, value=low, band=band), error.InvalidBound)
     return low, high
 
 
@@ -162,12 +163,12 @@ def read_scene(spec: Spec, scene: object) -> Array:
     elif isinstance(scene, Mapping):
         poses = scene["poses"] if "poses" in scene and "poses" not in spec.objects else scene
         if not isinstance(poses, Mapping):
-            raise refused(NOT_POSES(found=f"`poses` is a {type(poses).__name__}", objects=len(spec.objects)))
+            raise gym_error(NOT_POSES(found=f"`poses` is a {type(poses).__name__}", objects=len(spec.objects)))
     else:
         array = _array(scene) if isinstance(scene, np.ndarray | list | tuple) else np.empty(0)
         if array.shape != (len(spec.objects), SIZE):
             what = f"an array of shape {array.shape}" if array.size else f"a {type(scene).__name__}"
-            raise refused(NOT_POSES(found=f"this is {what}", objects=len(spec.objects)))
+            raise gym_error(NOT_POSES(found=f"this is {what}", objects=len(spec.objects)))
         here = [
             name for name, pose in zip(spec.objects, array, strict=True) if not (spec.counts and np.isnan(pose).all())
         ]
@@ -177,14 +178,14 @@ def read_scene(spec: Spec, scene: object) -> Array:
     extra = [str(name) for name in poses if name not in checked.objects]
     if missing or extra:
         what = f"lacks {quoted(missing)}" if missing else f"has {quoted(extra)}"
-        raise refused(OTHER_OBJECTS(scene=f"a scene that {what}", wanted=checked.objects))
+        raise gym_error(OTHER_OBJECTS(scene=f"a scene that {what}", wanted=checked.objects))
     rows = np.array([_pose(name, poses[name]) for name in checked.objects]).ravel()
     rows[along(THETA)] = wrap_heading(np, rows[along(THETA)])
     for index, pose in checked.fixed.items():
         if abs(math.remainder(rows[row_of(index, THETA)] - pose[THETA], TWO_PI)) < 1e-9:
             rows[row_of(index, THETA)] = pose[THETA]
     rows = np.concatenate([rows, *(_switch(checked, which, poses) for which in checked.choices)])
-    with as_gymnasium():
+    with as_gym_errors():
         check_scenes(checked, rows[:, None])
     whole = np.full(row_count(len(spec.require_scenes().core.objects)), np.nan)
     whole[rows_among(spec.require_scenes(), checked)] = rows
@@ -202,7 +203,7 @@ def _switch(spec: CheckedSpec, which: int, poses: Mapping[Any, Any]) -> Array:
     pose, known = poses[name], [one.name for one in choice.options]
     on = pose.on if isinstance(pose, RestingPose) else pose.get("on") if isinstance(pose, Mapping) else None
     if on not in known:
-        raise refused(OTHER_SURFACE(scene="this scene", name=name, surface=on or "", known=known))
+        raise gym_error(OTHER_SURFACE(scene="this scene", name=name, surface=on or "", known=known))
     rows = np.zeros(SIZE)
     rows[X] = choice.middles[known.index(on)]
     return rows
@@ -215,7 +216,7 @@ def _array(scene: Any) -> Array:
             return array.astype(np.float64)
     except (TypeError, ValueError, OverflowError):
         pass
-    raise refused(NOT_POSES(found="these are not all numbers"))
+    raise gym_error(NOT_POSES(found="these are not all numbers"))
 
 
 def _pose(name: str, pose: Any) -> tuple[float, float, float]:
@@ -224,16 +225,16 @@ def _pose(name: str, pose: Any) -> tuple[float, float, float]:
     if isinstance(pose, Mapping):
         extra = [str(key) for key in pose if key not in (*NAMES, "on")]
         if extra:
-            raise refused(NOT_A_POSE(name=name, value=f"one with {quoted(extra)}"))
+            raise gym_error(NOT_A_POSE(name=name, value=f"one with {quoted(extra)}"))
         pose = pose.get("x"), pose.get("y"), pose.get("theta", 0.0)
     if isinstance(pose, str | bytes):  # "123" would do
-        raise refused(NOT_A_POSE(name=name, value=repr(pose)))
+        raise gym_error(NOT_A_POSE(name=name, value=repr(pose)))
     try:
         x, y, theta = (float(value) for value in pose)
     except (TypeError, ValueError, OverflowError):
-        raise refused(NOT_A_POSE(name=name, value=repr(pose))) from None
+        raise gym_error(NOT_A_POSE(name=name, value=repr(pose))) from None
     if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(theta)):
-        raise refused(NOT_A_POSE(name=name, value=f"({x:g}, {y:g}, {theta:g})"))
+        raise gym_error(NOT_A_POSE(name=name, value=f"({x:g}, {y:g}, {theta:g})"))
     return x, y, theta
 
 
@@ -244,12 +245,12 @@ def check_options(options: object) -> Mapping[str, Any]:
         return {}
     if not isinstance(options, Mapping):
         wanted = 'options by name, say {"phi": (-0.2, -0.1)}'
-        raise refused(WRONG_VALUE(argument="options", value=repr(options), wanted=wanted))
+        raise gym_error(WRONG_VALUE(argument="options", value=repr(options), wanted=wanted))
     for name in options:
-        if name not in OPTIONS:
-            raise refused(UNKNOWN_CHOICE(what="option", name=str(name), known=OPTIONS))
+        if name not in RESET_OPTIONS:
+            raise gym_error(UNKNOWN_CHOICE(what="option", name=str(name), known=RESET_OPTIONS))
     if options.get("phi") is not None and options.get("scene") is not None:
-        raise refused(CONFLICTING_ARGUMENTS(one="phi", other="scene"))
+        raise gym_error(CONFLICTING_ARGUMENTS(one="phi", other="scene"))
     if not isinstance(options.get("nearest", False), bool | np.bool_):
-        raise refused(WRONG_VALUE(argument="nearest", value=repr(options["nearest"]), wanted="True or False"))
+        raise gym_error(WRONG_VALUE(argument="nearest", value=repr(options["nearest"]), wanted="True or False"))
     return options

@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 
 from scenegen.errors.learning import ONE_ENVIRONMENT
 from scenegen.errors.requests import NOT_INSTALLED, WRONG_VALUE
-from scenegen.play.environments.goal import count, not_a_strategy, refused
+from scenegen.play.environments.gym_errors import as_count, gym_error, no_strategy
 from scenegen.play.tasks import Strategy
 
 try:
@@ -23,9 +23,9 @@ try:
 except ImportError as problem:
     command = 'pip install "scenegen[experiments]"'
     missing = NOT_INSTALLED(package="stable-baselines3", purpose="for learners of it", command=command)
-    raise refused(missing, error.DependencyNotInstalled) from problem
+    raise gym_error(missing, error.DependencyNotInstalled) from problem
 
-WINDOW = 100  # episodes over which means are taken
+WINDOW_EPISODES = 100  # episodes over which means are taken
 
 
 class CurriculumCallback(BaseCallback):
@@ -34,10 +34,10 @@ class CurriculumCallback(BaseCallback):
     given and has one. Works with SB3Vector around a `VectorCurriculum`, too. Outcomes arrive from environments in other
     processes as well, but there each process has its own strategy, and `strategy` here gets no outcomes from them."""
 
-    def __init__(self, strategy: Strategy | None = None, *, window: int = WINDOW, verbose: int = 0) -> None:
+    def __init__(self, strategy: Strategy | None = None, *, window: int = WINDOW_EPISODES, verbose: int = 0) -> None:
         if strategy is not None and not callable(getattr(strategy, "next_task", None)):
-            raise refused(not_a_strategy(repr(strategy)))
-        window = count("window", window)
+            raise gym_error(no_strategy(repr(strategy)))
+        window = as_count("window", window)
         super().__init__(verbose)
         self.outcomes: deque[Mapping[str, Any]] = deque(maxlen=window)
         self.episodes = 0
@@ -80,7 +80,7 @@ class SB3Vector(VecEnv):
         mode = (env.metadata or {}).get("autoreset_mode")
         if mode is not AutoresetMode.SAME_STEP:
             wanted = 'an environment with autoreset_mode="SameStep", which Stable-Baselines3 needs'
-            raise refused(WRONG_VALUE(argument="env", value=f"one with {mode}", wanted=wanted))
+            raise gym_error(WRONG_VALUE(argument="env", value=f"one with {mode}", wanted=wanted))
         self.env = env
         self._actions: Any = None
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
@@ -88,12 +88,12 @@ class SB3Vector(VecEnv):
     def reset(self) -> VecEnvObs:
         """New episodes on all tables, with the seed that `seed` was given since the last reset."""
         if any(self._options):
-            raise refused(ONE_ENVIRONMENT(what="options", verb="are given to"))
+            raise gym_error(ONE_ENVIRONMENT(what="options", verb="are given to"))
         seeds = None if all(seed is None for seed in self._seeds) else list(self._seeds)
-        seen, infos = self.env.reset(seed=seeds)  # type: ignore[arg-type]  # gymnasium's own take lists, too
-        self.reset_infos = [_of(infos, number) for number in range(self.num_envs)]
+        observations, infos = self.env.reset(seed=seeds)  # type: ignore[arg-type]  # gymnasium's own take lists, too
+        self.reset_infos = [_table_info(infos, number) for number in range(self.num_envs)]
         self._reset_seeds()
-        found: VecEnvObs = seen
+        found: VecEnvObs = observations
         return found
 
     def step_async(self, actions: np.ndarray) -> None:
@@ -102,16 +102,16 @@ class SB3Vector(VecEnv):
 
     def step_wait(self) -> VecEnvStepReturn:
         """Do the actions."""
-        seen, reward, terminated, truncated, infos = self.env.step(self._actions)
-        over = terminated | truncated
-        told: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for number in np.flatnonzero(over).tolist():
-            told[number] = {
-                **_of(infos["final_info"], number),
+        observations, reward, terminated, truncated, infos = self.env.step(self._actions)
+        dones = terminated | truncated
+        table_infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for number in np.flatnonzero(dones).tolist():
+            table_infos[number] = {
+                **_table_info(infos["final_info"], number),
                 "terminal_observation": infos["final_obs"][number],
                 "TimeLimit.truncated": bool(truncated[number] and not terminated[number]),
             }
-        return seen, np.asarray(reward, dtype=np.float32), over, told
+        return observations, np.asarray(reward, dtype=np.float32), dones, table_infos
 
     def close(self) -> None:
         """Close the environment."""
@@ -125,12 +125,12 @@ class SB3Vector(VecEnv):
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Set it for all tables at once. Raises gymnasium.error.Error for some of them."""
         if len(list(self._get_indices(indices))) < self.num_envs:
-            raise refused(ONE_ENVIRONMENT(what=f"`{attr_name}`", verb="is set for"))
+            raise gym_error(ONE_ENVIRONMENT(what=f"`{attr_name}`", verb="is set for"))
         setattr(self.env.unwrapped, attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
         """Not supported: raises gymnasium.error.Error."""
-        raise refused(ONE_ENVIRONMENT(what=f"`{method_name}`", verb="cannot be called on"))
+        raise gym_error(ONE_ENVIRONMENT(what=f"`{method_name}`", verb="cannot be called on"))
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: VecEnvIndices = None) -> list[bool]:
         """False for every table: there are no single environments."""
@@ -138,15 +138,15 @@ class SB3Vector(VecEnv):
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """A picture of every table, if the environment draws."""
-        drawn: Sequence[Any] | None = self.env.render()
-        return [None] * self.num_envs if drawn is None else list(drawn)
+        pictures: Sequence[Any] | None = self.env.render()
+        return [None] * self.num_envs if pictures is None else list(pictures)
 
 
-def _of(infos: dict[str, Any], number: int) -> dict[str, Any]:
+def _table_info(infos: dict[str, Any], number: int) -> dict[str, Any]:
     """The info of one table: the entries whose mask is True, without the masks."""
     found: dict[str, Any] = {}
     for name, value in infos.items():
         mask = infos.get(f"_{name}")
         if not name.startswith("_") and (mask is None or mask[number]):
-            found[name] = _of(value, number) if isinstance(value, dict) else value[number]
+            found[name] = _table_info(value, number) if isinstance(value, dict) else value[number]
     return found

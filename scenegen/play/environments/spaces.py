@@ -19,19 +19,17 @@ from scenegen.errors.requests import CANNOT_BE_HELD, OUT_OF_RANGE, UNKNOWN_OBJEC
 from scenegen.geometry import PRIMITIVES, Circle
 from scenegen.lang.formula.core import Apply, Atom, Coord, Core, gate, part_of
 from scenegen.lang.spec import CheckedSpec, members_of
-from scenegen.play.environments.goal import names, number, one_of, refused
+from scenegen.play.environments.gym_errors import as_choice, as_names, as_quantity, gym_error
 from scenegen.pose import FLAT, LENGTHS, NAMES, PLACE, SIZE, THETA, TWO_PI, X, axis_of, owner, row_of
-
-# --------------------------------------------------------------------------------------------------------------------
-# The actions: objects move step by step, in four directions on a grid, or continuously.
-
 
 Kind = Literal["grid", "continuous"]
 
-STEPS = 20  # from one edge of the workspace to the other, along its shorter side
-TURN = math.pi / 8.0  # radians; less than the prelude's tolerance for headings is wide, so that a grid has one in it
-WIDTHS = {"number": 1, "place": len(PLACE), "footprint": len(FLAT)}  # numbers of an argument of a primitive
-LENIENT = 1e-6  # tolerance of the range for float32 actions
+STEPS_ACROSS = 20  # from one edge of the workspace to the other, along its shorter side
+TURN_STEP = (
+    math.pi / 8.0
+)  # radians; less than the prelude's tolerance for headings is wide, so that a grid has one in it
+ARGUMENT_WIDTHS = {"number": 1, "place": len(PLACE), "footprint": len(FLAT)}  # numbers of an argument of a primitive
+ACTION_TOLERANCE = 1e-6  # tolerance of the range for float32 actions
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +48,7 @@ class ActionMoves:
             return spaces.Discrete(len(self.rows))
         return spaces.Box(-1.0, 1.0, (len(self.rows),), np.float32)
 
-    def checked(self, actions: Any, count: int) -> npt.NDArray[Any]:
+    def as_actions(self, actions: Any, count: int) -> npt.NDArray[Any]:
         """B actions as an array, (B,) of numbers or (B, K). Raises gymnasium.error.InvalidAction."""
         try:
             given = np.asarray(actions)
@@ -61,23 +59,23 @@ class ActionMoves:
             if given.shape != (count,) or given.dtype.kind not in "iu":
                 what = "an action is a whole number" if count == 1 else f"{count} actions are needed, whole numbers"
                 wanted = f"{what} from 0 to {len(self.rows) - 1}"
-                raise refused(WRONG_ACTION(wanted=wanted, value=str(actions)), error.InvalidAction)
+                raise gym_error(WRONG_ACTION(wanted=wanted, value=str(actions)), error.InvalidAction)
             if ((given < 0) | (given >= len(self.rows))).any():
                 bad = given[(given < 0) | (given >= len(self.rows))][0]
-                raise refused(WRONG_ACTION(number=bad, last=len(self.rows) - 1), error.InvalidAction)
+                raise gym_error(WRONG_ACTION(number=bad, last=len(self.rows) - 1), error.InvalidAction)
             return given
         given = given.reshape(count, -1) if given.ndim == 1 and count == 1 else given
         if given.shape != (count, len(self.rows)) or given.dtype.kind not in "iuf":
             what = "an action is" if count == 1 else f"{count} actions are needed, each"
             wanted = f"{what} {len(self.rows)} numbers ({', '.join(self.names)})"
-            raise refused(WRONG_ACTION(wanted=wanted, value=str(actions)), error.InvalidAction)
-        wrong = ~(np.abs(given) <= 1.0 + LENIENT)
+            raise gym_error(WRONG_ACTION(wanted=wanted, value=str(actions)), error.InvalidAction)
+        wrong = ~(np.abs(given) <= 1.0 + ACTION_TOLERANCE)
         if wrong.any():
             table, place = (int(index) for index in np.argwhere(wrong)[0])
             whose = "the action" if count == 1 else f"the action on table {table}"
             value = given[wrong][0]
             amount = None if np.isnan(value) else value
-            raise refused(WRONG_ACTION(name=self.names[place], whose=whose, amount=amount), error.InvalidAction)
+            raise gym_error(WRONG_ACTION(name=self.names[place], whose=whose, amount=amount), error.InvalidAction)
         return np.asarray(np.clip(given, -1.0, 1.0), dtype=np.float64)
 
     def apply(self, rows: Array, actions: npt.NDArray[Any]) -> Array:
@@ -100,7 +98,7 @@ def headings(core: Core) -> set[int]:
         elif isinstance(node, Apply):
             shapes, args = iter(node.shapes), iter(node.args)
             for kind in PRIMITIVES[node.primitive].params if node.shapes else ():
-                taken = list(islice(args, WIDTHS[kind]))
+                taken = list(islice(args, ARGUMENT_WIDTHS[kind]))
                 read.update(taken[:THETA] if kind == "footprint" and isinstance(next(shapes), Circle) else taken)
             read.update(args)
     found = ((index, node) for index, node in enumerate(nodes) if isinstance(node, Coord) and node.axis == THETA)
@@ -121,15 +119,15 @@ def make_moves(
     spec: CheckedSpec, kind: str, move: str | Sequence[str] | None, step: float | None, turn: float | None
 ) -> tuple[ActionMoves, float]:
     """The moves, and the step in metres. Raises gymnasium.error.Error for invalid arguments."""
-    one_of("moves", kind, get_args(Kind))
+    as_choice("moves", kind, get_args(Kind))
     shorter = min(spec.workspace.width, spec.workspace.height)
-    step = shorter / STEPS if step is None else number("step", step, "metres")
-    turn = TURN if turn is None else number("turn", turn, "radians")
+    step = shorter / STEPS_ACROSS if step is None else as_quantity("step", step, "metres")
+    turn = TURN_STEP if turn is None else as_quantity("turn", turn, "radians")
     for name, value, most in (("step", step, max(spec.workspace.width, spec.workspace.height)), ("turn", turn, TWO_PI)):
         if not 0.0 < value <= most:
             unit = "metres" if name == "step" else "radians"
             wanted = f"more than 0 and at most {most:g} {unit}"
-            raise refused(OUT_OF_RANGE(argument=name, value=f"{value:g}", wanted=wanted))
+            raise gym_error(OUT_OF_RANGE(argument=name, value=f"{value:g}", wanted=wanted))
     turned = headings_of(spec)
     rows, amounts, called = [], [], []
     for index in _movable(spec, move):
@@ -148,23 +146,19 @@ def _movable(spec: CheckedSpec, move: str | Sequence[str] | None) -> list[int]:
     free = [index for index in range(len(spec.objects)) if index not in spec.fixed]
     if not free:
         what = f"`at` holds {quoted(spec.objects)} in place" if spec.objects else "the spec has no objects"
-        raise refused(NOTHING_TO_MOVE(reason=what))
+        raise gym_error(NOTHING_TO_MOVE(reason=what))
     if move is None:
         return free
     chosen = []
-    for name in names("move", move, "an object"):
+    for name in as_names("move", move, "an object"):
         if name not in spec.objects:
-            raise refused(UNKNOWN_OBJECT(name=name, known=spec.objects))
+            raise gym_error(UNKNOWN_OBJECT(name=name, known=spec.objects))
         if spec.objects.index(name) not in free:
-            raise refused(CANNOT_BE_HELD(name=name))
+            raise gym_error(CANNOT_BE_HELD(name=name))
         chosen.append(spec.objects.index(name))
     if not chosen:
-        raise refused(WRONG_VALUE(argument="move", value="empty", wanted="an object, or leave it out to move all"))
+        raise gym_error(WRONG_VALUE(argument="move", value="empty", wanted="an object, or leave it out to move all"))
     return chosen
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Observations of a scene.
 
 
 ONE = np.float32(1.0)

@@ -1,332 +1,39 @@
-"""`scenegen/TableTop-v0`: move the objects of a table until they satisfy a spec, from a start of chosen difficulty."""
+"""`scenegen/TableTop-v0`: move the objects of a table until they satisfy a spec, from a start of chosen difficulty.
+
+An environment of one table plays one of `Episodes`, a vector environment `num_envs`; it behaves exactly like
+`gymnasium.make_vec(..., vectorization_mode="sync")` with as many single ones and a time limit.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any
 
+import gymnasium
 import numpy as np
 import numpy.typing as npt
-from gymnasium import Space, error
+from gymnasium import error
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
 
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
 from scenegen.arrays import Array
-from scenegen.errors import RequestError, quoted
-from scenegen.errors.learning import NO_UNMET_GOAL
-from scenegen.errors.requests import CHOICES_NOT_HERE, TIME_NOT_HERE, WRONG_VALUE
-from scenegen.lang.formula.core import Coord, part_of
-from scenegen.lang.spec import chosen_options
+from scenegen.errors.learning import NO_EPISODE
+from scenegen.errors.requests import UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.learn.model import Model
-from scenegen.play.environments.env import (
-    Episodes,
-    Mask,
-    Observations,
-    SceneRenderer,
-    Start,
-    StepOutcome,
-    TableEnv,
-    TableVectorEnv,
-)
-from scenegen.play.environments.goal import Goal, Scorer, as_gymnasium, load_spec, make_goal, one_of, refused
-from scenegen.play.environments.library import Library, LibraryStream, Sampler, check_source, open_library
-from scenegen.play.environments.request import (
-    PhiRanges,
-    StartRequest,
-    check_options,
-    everything,
-    read_phi,
-    read_scene,
-)
-from scenegen.play.environments.spaces import ActionMoves, ObservationEncoder, make_moves, make_views
-from scenegen.play.tasks import MOTION_ID, PhiBox
-from scenegen.pose import is_angle, owner, row_count, wrap_heading
-from scenegen.sampling.request import Range
-
-# --------------------------------------------------------------------------------------------------------------------
-# The dynamics, for any number of tables at once: what a step does, and when an episode ends.
+from scenegen.play.environments.episodes import Episodes, Observations, SceneStarts
+from scenegen.play.environments.goal import load_spec
+from scenegen.play.environments.gym_errors import as_count, gym_error
+from scenegen.play.environments.rendering import RENDER_MODES, SceneRenderer
+from scenegen.play.environments.request import check_options
+from scenegen.play.environments.rules import Mask, make_rules
+from scenegen.play.tasks import PhiBox
 
 
-RewardKind = Literal["sparse", "dense"]
-
-SATISFIED, OFF = 10.0, -10.0  # the paper's, section V
-EDGE = 1e-9  # metres by which a centre may be over the edge, because twenty steps of 5 cm are not exactly a metre
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Tables:
-    """B scenes: `rows` (3N, B) and phi (D, B). `slack` (B,) is the lowest allowed margin of the requirement: 0, or
-    slightly less in a scene that was rounded."""
-
-    rows: Array
-    phi: Array
-    slack: Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Rules:
-    """What all environments of a spec share. `flat` are the rows of x and y that moves change, `low` and `high` (F, 1)
-    their limits at the edges of the table; `turning` are the rows of headings.
-
-    The reward is 10 if the goal is satisfied, -10 if an object left the table, 0 otherwise, as in the paper. The dense
-    one adds `gain` times the increase of the goal's phi, which is that increase in steps. Without discount these sum
-    up to phi of the last scene minus that of the first. (This is a potential in the sense of Ng, Harada and Russell,
-    1999, except that the last scene's phi is rewarded too: an end well inside the goal earns more than one at its
-    edge.)"""
-
-    target: Goal
-    score: Scorer
-    moves: ActionMoves
-    gain: float
-    views: ObservationEncoder
-    flat: npt.NDArray[np.intp]
-    low: Array
-    high: Array
-    turning: npt.NDArray[np.intp]
-
-    def success(self, tables: Tables) -> Mask:
-        """Which scenes (B,) satisfy the goal."""
-        return np.asarray(tables.phi[self.target.goal] >= 0.0)
-
-    def step(self, tables: Tables, actions: npt.NDArray[Any]) -> tuple[Tables, StepOutcome]:
-        """Do checked actions. An object that leaves the table stays at its edge and ends the episode; a move that would
-        violate the requirement is not made at all."""
-        rows = self.moves.apply(tables.rows, actions)
-        flat = rows[self.flat]
-        kept = np.minimum(np.maximum(flat, self.low), self.high)
-        off: Mask = np.asarray((np.abs(flat - kept) > EDGE).any(axis=0))
-        rows[self.flat] = kept
-        if len(self.turning):
-            rows[self.turning] = wrap_heading(np, rows[self.turning])
-        phi = self.score(rows)
-        blocked = np.zeros(len(off), dtype=np.bool_)
-        if self.score.requires:
-            phi, margin = phi[:-1], phi[-1]
-            blocked = np.asarray((margin < tables.slack) & ~off)
-            if blocked.any():
-                rows, phi = np.where(blocked, tables.rows, rows), np.where(blocked, tables.phi, phi)
-        goal = self.target.goal
-        success = np.asarray((phi[goal] >= 0.0) & ~off)
-        reward = SATISFIED * success + OFF * off
-        if self.gain:
-            reward = reward + self.gain * (phi[goal] - tables.phi[goal])
-        return Tables(rows, phi, tables.slack), StepOutcome(
-            reward, success, success | off, {"off_table": off, "blocked": blocked}
-        )
-
-
-def make_rules(
-    spec: Spec,
-    *,
-    goal: str | Sequence[str] | None = None,
-    moves: str = "grid",
-    move: str | Sequence[str] | None = None,
-    step: float | None = None,
-    turn: float | None = None,
-    reward: str = "sparse",
-) -> Rules:
-    """See TableTop for the arguments. Raises gymnasium.error.Error for invalid ones."""
-    if spec.over_time is not None:
-        raise refused(TIME_NOT_HERE(file=spec.definition.name), more=f"to learn motions make {MOTION_ID}")
-    target = make_goal(spec, goal)
-    if spec.require_scenes().choices:
-        _refuse_surfaces(target)
-    made, length = make_moves(spec.require_scenes(), moves, move, step, turn)
-    changed = np.unique(made.rows)
-    if move is not None:
-        _refuse_idle(target, move, changed)
-    angles = np.array([is_angle(row) for row in changed], dtype=bool)
-    flat, turning = changed[~angles], changed[angles]
-    low, high = (ends[flat][:, None] for ends in spec.require_scenes().box())
-    one_of("reward", reward, get_args(RewardKind))
-    gain = 1.0 / length if reward == "dense" else 0.0
-    return Rules(target, Scorer(target), made, gain, make_views(spec.require_scenes()), flat, low, high, turning)
-
-
-LOOK = 512  # scenes that satisfy a goal, and starts, of which surfaces are compared
-
-
-def _refuse_surfaces(target: Goal) -> None:
-    """Raises gymnasium.error.Error where the goal is met only with an object on other surfaces than starts have it on:
-    moves go along x and y and never from one surface to another, so no episode from there could succeed."""
-    label, source = target.names[target.goal], Sampler(target)
-    try:
-        met, starts = (source.draw({label: ends}, LOOK, 0, "base").poses for ends in (Range(0.0), Range(None, 0.0)))
-    except RequestError:
-        return  # there is no goal, or no start: the first reset says why
-    spec = target.spec.require_scenes()
-    good, begun = (
-        np.stack([chosen_options(one, each.T) for one in spec.choices.values()], axis=1) for each in (met, starts)
-    )
-    together = set(map(tuple, good.tolist()))
-    lost = float(np.mean([tuple(one) not in together for one in begun.tolist()]))
-    if lost == 0.0 or len(met) < LOOK or len(together) > LOOK // 16:  # so many ways to stand are not all seen
-        return
-    column = next((k for k in range(good.shape[1]) if set(begun[:, k]) - set(good[:, k])), None)
-    which = list(spec.choices)[column or 0]
-    if column is None:
-        name, where = quoted([spec.objects[one] for one in spec.choices]), "together on such surfaces"
-    else:
-        options = spec.choices[which].options
-        name, where = f"`{spec.objects[which]}`", quoted([options[k].name for k in sorted(set(good[:, column]))])
-    found = f"in {LOOK} scenes that satisfy `{label}`, {name} " + (
-        f"never stand {where} as in {lost:.0%} of the starts" if column is None else f"is always on {where}"
-    )
-    why = f"no move takes {name} to another surface, and {found}"
-    raise refused(CHOICES_NOT_HERE(what="an environment", name=spec.objects[which], why=why))
-
-
-def _refuse_idle(target: Goal, move: object, rows: npt.NDArray[np.intp]) -> None:
-    """Raises gymnasium.error.Error where no object that moves has a part in phi of the goal: it would stay what it is
-    at the start. Others may move beside those that do: they can be in the way."""
-    spec, label = target.spec.require_scenes(), target.names[target.goal]
-    cores = [one.core for one in spec.members or (spec,)]
-    read = {
-        core.objects[node.object] for core in cores for node in part_of(core, (label,)).nodes if isinstance(node, Coord)
-    }
-    decide = [name for name in spec.objects if name in read]
-    if read.isdisjoint(spec.objects[owner(row)] for row in rows.tolist()):
-        wanted = f"an object that phi of `{label}` depends on: {quoted(decide)}" if decide else "another goal"
-        raise refused(WRONG_VALUE(argument="move", value=repr(move), wanted=wanted))
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# Where episodes start.
-
-
-TINY = 1e-300  # "not satisfied" ends at a tiny negative number, which is shown as 0
-
-
-class SceneStarts:
-    """Provides the scenes at which episodes start. `phi` is the default request. The library is made when it is first
-    needed: an environment that always gets its scenes from the caller never draws any."""
-
-    def __init__(self, spec: Spec, rules: Rules, source: Any, phi: object) -> None:
-        self.spec, self._target, self._source = spec, rules.target, source
-        self._score = rules.score
-        self._usual = None if phi is None else read_phi(rules.target, phi)
-        self._library: Library | None = None
-        check_source(source)
-
-    @property
-    def library(self) -> Library:
-        """Raises gymnasium.error.Error if the source is invalid, or if every scene satisfies the goal."""
-        if self._library is None:
-            with as_gymnasium():
-                self._library = open_library(self._target, self.spec, self._source)
-        return self._library
-
-    @property
-    def space(self) -> PhiBox:
-        """From the hardest to where each label is satisfied."""
-        return self.library.space
-
-    def stream(self, rng: np.random.Generator) -> LibraryStream:
-        """Scenes from the seed of a generator."""
-        return LibraryStream(self.library, int(rng.integers(2**63)))
-
-    def read(self, options: object) -> StartRequest:
-        """Check options. Raises gymnasium.error.Error, and InvalidBound for invalid ranges."""
-        if options is None:  # most often
-            return StartRequest()
-        options = check_options(options)
-        if options.get("scene") is not None:
-            return StartRequest(scene=self._given(read_scene(self.spec, options["scene"])[:, None]))
-        nearest, phi = bool(options.get("nearest", False)), options.get("phi")
-        return StartRequest(
-            ranges=None if phi is None else read_phi(self._target, phi, points=nearest), nearest=nearest
-        )
-
-    def task(self, request: StartRequest) -> list[tuple[float, float]]:
-        """The lowest and highest requested phi of each label."""
-        ranges = everything(self._target) if request.scene is not None else self._ranges(request)
-        ends = zip(ranges.low, ranges.high, strict=True)
-        return [(0.0 if -TINY < low < TINY else low, 0.0 if -TINY < high < TINY else high) for low, high in ends]
-
-    def _given(self, rows: Array) -> Start:
-        """A scene (3N, 1) that was verified when it was read."""
-        phi, slack = self._score(rows), np.zeros(1)
-        if self._score.requires:
-            phi, slack = phi[:-1], np.minimum(phi[-1], 0.0)
-        return rows[:, 0], phi[:, 0], float(slack[0])
-
-    def draw(self, stream: LibraryStream, request: StartRequest) -> Start:
-        """A scene in the requested range, and its phi. Raises gymnasium.error.InvalidBound if the range is out of
-        reach."""
-        ranges = self._ranges(request)
-        try:
-            return (*stream.take(ranges, nearest=request.nearest), 0.0)
-        except RequestError as problem:
-            raise refused(problem.diagnostics[0], error.InvalidBound, self._nearest(ranges)) from problem
-
-    def _ranges(self, request: StartRequest) -> PhiRanges:
-        if request.ranges is not None:
-            return request.ranges
-        if self._usual is not None:
-            return self._usual
-        if self.library.hard >= 0.0:
-            raise refused(NO_UNMET_GOAL())
-        return self.library.unsatisfied
-
-    def _nearest(self, ranges: PhiRanges) -> str:
-        """The reachable phi nearest to a range that is out of reach."""
-        found, names = self.library.met(ranges), self._target.names
-        parts = [f"phi of `{names[k]}` {found[k]:.4g}" for k in ranges.dims]
-        return f"the nearest scene that was met has {' and '.join(parts)}"
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The environments.
-
-
-class SceneEpisodes(Episodes[Rules, SceneStarts]):
-    """Episodes that end when the goal is satisfied, or an object leaves its table."""
-
-    about = "phi"
-    flags = ("off_table", "blocked")
-
-    def __init__(self, rules: Rules, starts: SceneStarts, tables: int = 1) -> None:
-        target = rules.target
-        self.names, self.labels = target.names, target.names[: target.labels]
-        super().__init__(rules, starts, tables)
-        shape = row_count(len(starts.spec.require_scenes().core.objects)), len(self.names)
-        self._now = Tables(np.zeros((shape[0], tables)), np.zeros((shape[1], tables)), np.zeros(tables))
-
-    def observation_space(self) -> Space[Any]:
-        return self.rules.views.space()
-
-    @property
-    def rows(self) -> Array:
-        return self._now.rows
-
-    def _put(self, starts: Mapping[int, Start]) -> None:
-        now = self._now
-        for table, start in starts.items():
-            now.rows[:, table], now.phi[:, table], now.slack[table] = start
-
-    def act(self, actions: npt.NDArray[Any], over: Mask) -> StepOutcome:
-        self._now, done = self.rules.step(self._now, actions)
-        return done
-
-    def satisfied(self) -> Mask:
-        return self.rules.success(self._now)
-
-    def seen(self) -> Observations:
-        return self.rules.views(self._now.rows)
-
-    def figures(self, success: Mask, flags: Mapping[str, Mask]) -> dict[str, npt.NDArray[Any]]:
-        return {
-            "phi": self._now.phi,
-            "is_success": success,
-            "off_table": flags["off_table"],
-            "blocked": flags["blocked"],
-            "task": self.tasks,
-        }
-
-
-class TableTop(TableEnv):
+class TableTop(gymnasium.Env[Observations, Any]):
     """Move objects step by step until a spec is satisfied.
 
     `spec` is a Spec, the path of a spec file (.spec) or its text; `goal` names the labels to satisfy (phi >= 0), by
@@ -371,6 +78,8 @@ class TableTop(TableEnv):
     range, ResetNeeded, MissingArgument, UnsupportedMode, and Error for the rest, a spec with mistakes included.
     """
 
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": 10}  # noqa: RUF012 - gymnasium's
+
     def __init__(
         self,
         spec: Spec | str | Path | None = None,
@@ -387,14 +96,80 @@ class TableTop(TableEnv):
         view: str = "perspective",
         size: tuple[int, int] = (480, 360),
     ) -> None:
-        easel = SceneRenderer(render_mode, view, size)
-        scenes = load_spec(spec)
-        rules = make_rules(scenes, goal=goal, moves=moves, move=move, step=step, turn=turn, reward=reward)
-        self.rules, self.views = rules, rules.views
-        super().__init__(SceneEpisodes(rules, SceneStarts(scenes, rules, source, phi)), easel)
+        self.easel = SceneRenderer(render_mode, view, size)
+        self.scenes = load_spec(spec)
+        self.rules = make_rules(self.scenes, goal=goal, moves=moves, move=move, step=step, turn=turn, reward=reward)
+        self.moves, self.views = self.rules.moves, self.rules.views
+        self.starts = SceneStarts(self.scenes, self.rules, source, phi)
+        self.episodes = Episodes(self.rules, self.starts)
+        observation_space: Any = self.views.space()
+        self.action_space, self.observation_space = self.moves.space(), observation_space
+        self.render_mode = self.easel.mode
+        self._began = self._ended = False
+
+    @property
+    def space(self) -> PhiBox:
+        """The range of phi for a curriculum: of each label, from the hardest to where it is satisfied."""
+        return self.starts.space
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, Any]]:
+        """Begin an episode; see the class for options."""
+        request = self.starts.read(options)  # before the seed is used: a bad request changes nothing
+        super().reset(seed=seed)
+        if seed is not None:
+            self.episodes.forget(0)
+        self.episodes.begin({0: request}, lambda _: self.np_random)
+        self._began, self._ended = True, False
+        infos = self.episodes.infos(self.episodes.success(), self.episodes.no_flags)
+        return self.episodes.observations()[0], _single_info(infos, self.episodes.names)
+
+    def step(self, action: Any) -> tuple[Observations, float, bool, bool, dict[str, Any]]:
+        """Do an action. Raises gymnasium.error.InvalidAction, and ResetNeeded if the episode is over."""
+        if not self._began or self._ended:
+            state = "the episode is over" if self._began else "no episode has begun"
+            raise gym_error(NO_EPISODE(state=state, remedy="call reset()"), error.ResetNeeded)
+        outcome = self.episodes.act(self.moves.as_actions(action, 1))
+        self._ended = bool(outcome.terminated[0])
+        info = _single_info(self.episodes.infos(outcome.success, outcome.flags), self.episodes.names)
+        return self.episodes.observations()[0], float(outcome.reward[0]), self._ended, False, info
+
+    def render(self) -> npt.NDArray[np.uint8] | None:
+        """The scene as (height, width, 3) if `render_mode` is "rgb_array"."""
+        pictures = _pictures(self.episodes, self.easel, self._began)
+        return None if pictures is None else pictures[0]
+
+    def close(self) -> None:
+        """End the process that draws, if there is one."""
+        self.easel.close()
 
 
-class TableTopVector(TableVectorEnv):
+def _single_info(infos: Mapping[str, npt.NDArray[Any]], names: Sequence[str]) -> dict[str, Any]:
+    """The info of the only table, in plain numbers."""
+    found: dict[str, Any] = {}
+    for name, value in infos.items():
+        if value.ndim == 1:
+            found[name] = value.item()
+        else:
+            only = value[:, 0]
+            found[name] = dict(zip(names, only.tolist() if value.ndim == 2 else only.copy(), strict=True))
+    return found
+
+
+def _pictures(episodes: Episodes, easel: SceneRenderer, began: bool) -> tuple[npt.NDArray[np.uint8], ...] | None:
+    if easel.mode is None:
+        return None
+    if not began:
+        raise gym_error(NO_EPISODE(state="there is nothing to draw yet", remedy="call reset()"), error.ResetNeeded)
+    return tuple(easel.draw(episodes.starts.spec.definition, row) for row in episodes.rows.T)
+
+
+NextOptions = Callable[[int], Mapping[str, Any] | None]
+StepListener = Callable[[Array, Mask, Mask], None]
+
+
+class TableTopVector(VectorEnv[Observations, Any, Any]):
     """`num_envs` tables. `autoreset_mode` is gymnasium's: "NextStep", "SameStep" or "Disabled" (reset with
     `options={"reset_mask": mask}`). `max_episode_steps` truncates; the other arguments are those of TableTop.
 
@@ -406,15 +181,175 @@ class TableTopVector(TableVectorEnv):
     Raises what TableTop does; ResetNeeded also if the episode of a table without autoreset is over.
     """
 
-    single = TableTop
+    def __init__(
+        self,
+        num_envs: int = 1,
+        spec: Any = None,
+        *,
+        max_episode_steps: int | None = None,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        **settings: Any,
+    ) -> None:
+        super().__init__()
+        self.num_envs = as_count("num_envs", num_envs)
+        self._max_steps = None if max_episode_steps is None else as_count("max_episode_steps", max_episode_steps)
+        try:
+            self.autoreset_mode = AutoresetMode(autoreset_mode)
+        except ValueError:
+            modes = [mode.value for mode in AutoresetMode]
+            raise gym_error(UNKNOWN_CHOICE(what="autoreset mode", name=str(autoreset_mode), known=modes)) from None
+        single = TableTop(spec, **settings)
+        self.episodes, self.easel = single.episodes.with_tables(num_envs), single.easel
+        self.scenes, self.starts = single.scenes, single.starts
+        self.rules, self.moves, self.views = single.rules, single.moves, single.views
+        self.metadata = {**single.metadata, "autoreset_mode": self.autoreset_mode}
+        self.render_mode = single.render_mode
+        self.single_action_space, self.single_observation_space = single.action_space, single.observation_space
+        self.action_space = batch_space(single.action_space, num_envs)
+        self.observation_space = batch_space(single.observation_space, num_envs)
+        self.chooser: NextOptions | None = None
+        self.listener: StepListener | None = None
+        self._rngs: list[np.random.Generator | None] = [None] * num_envs
+        self._began = False
+        self._steps = np.zeros(num_envs, dtype=np.intp)
+        self._ended = np.zeros(num_envs, dtype=np.bool_)
 
     @property
-    def rules(self) -> Rules:
-        """What a step does."""
-        assert isinstance(self.episodes, SceneEpisodes)
-        return self.episodes.rules
+    def space(self) -> PhiBox:
+        """The range of phi for a curriculum, as that of a single environment."""
+        return self.starts.space
 
-    @property
-    def views(self) -> ObservationEncoder:
-        """What is seen of a scene."""
-        return self.rules.views
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, Any]]:
+        """Begin an episode on every table, or on those of `options["reset_mask"]`, (num_envs,) of bool."""
+        seeds: Sequence[int | None]
+        if seed is None or isinstance(seed, int):
+            seeds = [None if seed is None else seed + k for k in range(self.num_envs)]
+        elif isinstance(seed, Sequence) and not isinstance(seed, str | bytes):
+            seeds = seed
+        else:
+            wanted = f"a python integer, or a list of {self.num_envs}"
+            raise gym_error(WRONG_VALUE(argument="seed", value=repr(seed), wanted=wanted))
+        if len(seeds) != self.num_envs:
+            wanted = f"one, or {self.num_envs}: one for each table"
+            raise gym_error(WRONG_VALUE(argument="seed", value=f"{len(seeds)} seeds", wanted=wanted))
+        if options is not None and not isinstance(options, Mapping):
+            check_options(options)
+        options = dict(options or {})
+        tables = self.tables_to_reset(options.pop("reset_mask", None))
+        for k in np.flatnonzero(tables).tolist():
+            if seeds[k] is not None or self._rngs[k] is None:
+                self._rngs[k], _ = seeding.np_random(seeds[k])
+                self.episodes.forget(k)
+        success = self._start(tables, options)
+        self._began = True
+        return self.episodes.observations(), self._infos(success, self.episodes.no_flags, tables)
+
+    def step(self, actions: Any) -> tuple[Observations, Array, Mask, Mask, dict[str, Any]]:
+        """Do an action on every table; tables that are reset in this step ignore theirs."""
+        if not self._began:
+            raise gym_error(NO_EPISODE(state="no episode has begun", remedy="call reset()"), error.ResetNeeded)
+        checked = self.moves.as_actions(actions, self.num_envs)
+        resets = self._ended
+        if self.autoreset_mode is AutoresetMode.DISABLED and resets.any():
+            tables = ", ".join(map(str, np.flatnonzero(resets)[:8]))
+            state, remedy = f"the episode is over on table {tables}", 'call reset(options={"reset_mask": ...})'
+            raise gym_error(NO_EPISODE(state=state, remedy=remedy), error.ResetNeeded)
+        outcome = self.episodes.act(checked)
+        self._steps += 1
+        reward, success, terminated = outcome.reward, outcome.success & ~resets, outcome.terminated & ~resets
+        flags = {name: mask & ~resets for name, mask in outcome.flags.items()}
+        truncated = np.zeros_like(terminated)
+        if self._max_steps is not None:
+            truncated = (self._steps >= self._max_steps) & ~resets
+        if self.listener is not None:
+            self.listener(np.where(resets, 0.0, reward), terminated | truncated, success)
+        if resets.any():
+            reward = np.where(resets, 0.0, reward)
+            success = np.where(resets, self._start(resets, {}), success)
+        self._ended = terminated | truncated
+        final: dict[str, Any] = {}
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():
+            finished, self._ended = self._ended, np.zeros_like(terminated)
+            observations, last = self.episodes.observations(), np.full(self.num_envs, None, dtype=object)
+            for k in np.flatnonzero(finished).tolist():
+                last[k] = observations[k].copy()
+            infos = self._infos(success, flags, finished)
+            final = {
+                "final_obs": last,
+                "_final_obs": finished.copy(),
+                "final_info": infos,
+                "_final_info": finished.copy(),
+            }
+            success = np.where(finished, self._start(finished, {}), success)
+            flags = {name: mask & ~finished for name, mask in flags.items()}
+        everywhere = np.ones(self.num_envs, dtype=np.bool_)
+        infos = {**final, **self._infos(success, flags, everywhere)}
+        return self.episodes.observations(), reward, terminated, truncated, infos
+
+    def _start(self, tables: Mask, options: dict[str, Any]) -> Mask:
+        """Begin episodes on some tables; returns a mask of those that start satisfied."""
+        request = self.starts.read(options)
+        chooser = self.chooser if request.scene is None and request.ranges is None else None
+        requests = {
+            k: request if chooser is None else self.starts.read(chooser(k)) for k in np.flatnonzero(tables).tolist()
+        }
+        self.episodes.begin(requests, self._rng)
+        self._steps[tables] = 0
+        self._ended[tables] = False
+        return self.episodes.success() & tables
+
+    def _infos(self, success: Mask, flags: Mapping[str, Mask], tables: Mask) -> dict[str, Any]:
+        return _masked_infos(self.episodes.infos(success, flags), self.episodes.names, tables)
+
+    def _rng(self, table: int) -> np.random.Generator:
+        rng = self._rngs[table]
+        assert rng is not None
+        return rng
+
+    def tables_to_reset(self, mask: Any) -> Mask:
+        """The tables to reset: those of a mask (num_envs,), all for None. Raises gymnasium.error.Error."""
+        if mask is None:
+            return np.ones(self.num_envs, dtype=np.bool_)
+        if (
+            not isinstance(mask, np.ndarray)
+            or mask.shape != (self.num_envs,)
+            or mask.dtype != np.bool_
+            or not mask.any()
+        ):
+            wanted = f"an array of {self.num_envs} bools, at least one of them True"
+            raise gym_error(WRONG_VALUE(argument="reset_mask", value=repr(mask), wanted=wanted))
+        if not self._began and not mask.all():
+            state, remedy = "the first reset is one of all tables", "leave `reset_mask` out"
+            raise gym_error(NO_EPISODE(state=state, remedy=remedy), error.ResetNeeded)
+        return mask
+
+    def render(self) -> tuple[Any, ...] | None:
+        """A picture of every table if `render_mode` is "rgb_array"."""
+        return _pictures(self.episodes, self.easel, self._began)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """End the process that draws, if there is one."""
+        self.easel.close()
+
+
+def _masked_infos(infos: Mapping[str, npt.NDArray[Any]], names: Sequence[str], tables: Mask) -> dict[str, Any]:
+    """The infos of some tables, as SyncVectorEnv combines those of single ones: missing values are zeros, and each
+    comes with the mask of the tables that have it. What is returned stays as it is."""
+
+    def masked_copy(value: npt.NDArray[Any]) -> npt.NDArray[Any]:
+        copy = value.copy()
+        copy[~tables] = 0
+        return copy
+
+    found: dict[str, Any] = {}
+    for name, value in infos.items():
+        if value.ndim == 1:
+            found[name] = masked_copy(value)
+        else:
+            found[name] = {}
+            for label, values in zip(names, value, strict=True):
+                found[name] |= {label: masked_copy(values), f"_{label}": tables.copy()}
+        found[f"_{name}"] = tables.copy()
+    return found

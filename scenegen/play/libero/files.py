@@ -18,9 +18,9 @@ from scenegen.play.libero.states import SettledStates, init_states
 from scenegen.sampling.request import parse_phi
 from scenegen.scenes.files import ensure_folder, write_whole
 
-SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10", "libero_90")
-LABELS = "goal", "start"
-PATHS = "benchmark_root", "bddl_files", "init_states", "datasets", "assets"  # what LIBERO's config.yaml names
+LIBERO_SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10", "libero_90")
+SPEC_LABELS = "goal", "start"
+CONFIG_PATHS = "benchmark_root", "bddl_files", "init_states", "datasets", "assets"  # what LIBERO's config.yaml names
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +40,13 @@ def tasks_of(name: str) -> list[LiberoTask]:
     folder = Path(libero_paths()["bddl_files"])
     found = [
         LiberoTask(one.parent.name, one.stem, one)
-        for suite in ((name,) if (folder / name).is_dir() and name else SUITES)
+        for suite in ((name,) if (folder / name).is_dir() and name else LIBERO_SUITES)
         for one in sorted((folder / suite).glob("*.bddl"))
         if name in (suite, one.stem)
     ]
     if not found:
-        raise RequestError(UNKNOWN_CHOICE(what="suite or task of LIBERO's", name=name, known=SUITES))
-    return found if name in SUITES or (folder / name).is_dir() else found[:1]
+        raise RequestError(UNKNOWN_CHOICE(what="suite or task of LIBERO's", name=name, known=LIBERO_SUITES))
+    return found if name in LIBERO_SUITES or (folder / name).is_dir() else found[:1]
 
 
 def libero_paths() -> dict[str, str]:
@@ -55,7 +55,7 @@ def libero_paths() -> dict[str, str]:
     with silence():
         from libero.libero import get_libero_path
 
-        return {key: str(get_libero_path(key)) for key in PATHS}
+        return {key: str(get_libero_path(key)) for key in CONFIG_PATHS}
 
 
 def make_environment(task: LiberoTask, seed: int = 0, *, pictures: bool = False) -> Any:
@@ -90,7 +90,7 @@ class StatesJob:
     def __call__(self, task: LiberoTask) -> str:
         """What was made, in words. Raises RequestError, also where there are fewer states than wanted, which are
         written all the same."""
-        report = self.done(task) or self.make(task)
+        report = self.load_report(task) or self.make(task)
         left = ", ".join(f"{reason} ({count})" for reason, count in report["refused"].items())
         if report["states"] < self.n:
             raise RequestError(PLACEMENT(found=report["states"], wanted=self.n, reasons=left or "there are none"))
@@ -102,7 +102,7 @@ class StatesJob:
         return {"phi": list(self.phi), "n": self.n, "seed": self.seed, "settle": self.settle, "fixtures": "anywhere"}
 
     def make(self, task: LiberoTask) -> dict[str, Any]:
-        wanted: Phi | None = parse_phi(self.phi, LABELS) or None
+        wanted: Phi | None = parse_phi(self.phi, SPEC_LABELS) or None
         env = make_environment(task, self.seed)
         try:
             made = init_states(env, wanted, self.n, settle=self.settle, seed=self.seed)
@@ -125,7 +125,7 @@ class StatesJob:
         write_whole(reports / f"{task.name}.json", (json.dumps(report, indent=1) + "\n").encode())
         return report
 
-    def done(self, task: LiberoTask) -> dict[str, Any] | None:
+    def load_report(self, task: LiberoTask) -> dict[str, Any] | None:
         """The report of a task that was made before, by the same request, if its states are still there."""
         try:
             found = json.loads((self.out / "reports" / task.suite / f"{task.name}.json").read_text())

@@ -18,8 +18,8 @@ from scenegen.errors.files import CANNOT_READ
 from scenegen.needs import need
 from scenegen.scenes.files import read_bytes, whole_file
 
-WHAT = "a file of init states"
-FIXTURE = "fixture "  # before the names of fixtures
+STATES_FILE = "a file of init states"
+FIXTURE_PREFIX = "fixture "  # before the names of fixtures
 
 
 def write_states(path: Path, states: Array, fixtures: Mapping[str, Array]) -> Path:
@@ -30,7 +30,7 @@ def write_states(path: Path, states: Array, fixtures: Mapping[str, Array]) -> Pa
 
     with whole_file(path) as file:
         torch.save(states, file)
-    poses: dict[str, Any] = {f"{FIXTURE}{name}": pose for name, pose in fixtures.items()}
+    poses: dict[str, Any] = {f"{FIXTURE_PREFIX}{name}": pose for name, pose in fixtures.items()}
     with whole_file(Path(f"{path}.npz")) as file:
         np.savez_compressed(file, states=states, **poses)
     return path
@@ -48,7 +48,7 @@ def read_states(path: Path) -> Array:
     makers: list[Any] = [np.zeros(0).__reduce__()[0], np.float64(0.0).__reduce__()[0]]
     names = [(one, f"numpy.{core}.multiarray.{one.__name__}") for one in makers for core in ("core", "_core")]
     kinds = {type(np.dtype(one)) for one in "?bBhHiIlLqQefd"}
-    file = io.BytesIO(read_bytes(path, WHAT))
+    file = io.BytesIO(read_bytes(path, STATES_FILE))
     with _no_other(path), torch.serialization.safe_globals([np.ndarray, np.dtype, *kinds, *names]):
         return _rows(torch.load(file, map_location="cpu", weights_only=True))
 
@@ -56,7 +56,7 @@ def read_states(path: Path) -> Array:
 def read_packed(path: Path) -> dict[str, Array]:
     """The arrays of TASK.pruned_init.npz: `states` (n, D), which are the first where none has the name. Raises
     DataError."""
-    file = io.BytesIO(read_bytes(path, WHAT))
+    file = io.BytesIO(read_bytes(path, STATES_FILE))
     with _no_other(path), np.load(file) as arrays:
         found = dict(arrays)
         return {**found, "states": _rows(found.get("states", next(iter(found.values()), None)))}
@@ -77,5 +77,5 @@ def _no_other(path: Path) -> Iterator[None]:
     try:
         yield
     except other as error:
-        reason, remedy = "it has no rows of numbers, one for each state", f"{WHAT} was expected there"
+        reason, remedy = "it has no rows of numbers, one for each state", f"{STATES_FILE} was expected there"
         raise DataError(CANNOT_READ(path=path, reason=reason, remedy=remedy)) from error

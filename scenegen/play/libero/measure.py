@@ -19,15 +19,15 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.geometry.footprint import Rectangle, convex_hull
 from scenegen.needs import need
-from scenegen.play.frame import heading_of, rotated, upright
+from scenegen.play.frame import heading_of, rotate, upright
 
-CORNERS = 12  # of a prism at most
-ROBOT = "the robot"
-FLAT = 0.012  # half a site's height: a flat site is a surface, a higher one a compartment
-STEEP = 0.95  # a site none of whose axes is as upright as this, by the cosine, is on a slope
-GRID = np.linspace(-0.95, 0.95, 13)  # of rays onto a site, in parts of its half size
-OFF = 0.006  # metres by which rays onto one floor differ
-DOWN = (0.0, 0.0, -1.0)
+MAX_CORNERS = 12  # of a prism at most
+ROBOT_OWNER = "the robot"
+FLAT_SITE = 0.012  # half a site's height: a flat site is a surface, a higher one a compartment
+UPRIGHT_COSINE = 0.95  # a site none of whose axes is as upright as this, by the cosine, is on a slope
+RAY_GRID = np.linspace(-0.95, 0.95, 13)  # of rays onto a site, in parts of its half size
+FLOOR_TOLERANCE = 0.006  # metres by which rays onto one floor differ
+DOWNWARDS = (0.0, 0.0, -1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +75,8 @@ def prism_of(points: Array, attitude: Array) -> PrismShape:
     Raises ValueError for points on one line."""
     turned = points @ matrix(attitude).T
     corners = np.array(convex_hull(map(tuple, turned[:, :2].tolist())).vertices)
-    if len(corners) > CORNERS:
-        turn = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
+    if len(corners) > MAX_CORNERS:
+        turn = np.linspace(0.0, 2.0 * np.pi, MAX_CORNERS, endpoint=False)
         corners = corners[np.unique((corners @ np.stack([np.cos(turn), np.sin(turn)])).argmax(axis=0))]
     flat = convex_hull(map(tuple, np.round(corners, 4).tolist())).vertices
     return PrismShape(flat, float(turned[:, 2].min()), float(turned[:, 2].max()))
@@ -84,7 +84,7 @@ def prism_of(points: Array, attitude: Array) -> PrismShape:
 
 def matrix(quaternion: Array) -> Array:
     """(3, 3): the rotation of a unit quaternion (w, x, y, z)."""
-    return np.stack([rotated(quaternion, axis) for axis in np.eye(3)], axis=1)
+    return np.stack([rotate(quaternion, axis) for axis in np.eye(3)], axis=1)
 
 
 @contextmanager
@@ -140,7 +140,7 @@ class LiveModel:
         trees = {int(self.model.body_rootid[self.model.jnt_bodyid[one]]) for one in driven}
         found = [""] * self.model.nbody
         for body in range(1, self.model.nbody):
-            robot = ROBOT if int(self.model.body_rootid[body]) in trees else ""
+            robot = ROBOT_OWNER if int(self.model.body_rootid[body]) in trees else ""
             found[body] = of_root.get(body) or found[self.model.body_parentid[body]] or robot
         return found
 
@@ -158,7 +158,7 @@ class LiveModel:
             self.data.qpos[address : address + 3] = (20.0 + number, 20.0, 1.0)
 
     @contextmanager
-    def cleared(self, joints: Mapping[str, float] | None = None) -> Iterator[None]:
+    def without_movers(self, joints: Mapping[str, float] | None = None) -> Iterator[None]:
         """As after the reset without the things that move, joints of fixtures set to some values."""
         before = self.data.qpos.copy()
         self.data.qpos[:] = self.start
@@ -177,8 +177,6 @@ class LiveModel:
         for name, pose in poses.items():
             body = self.things[name]
             self.model.body_pos[body], self.model.body_quat[body] = pose[:3], pose[3:]
-
-    # ---- attitudes, hulls
 
     def attitude(self, name: str) -> tuple[Array, float]:
         """How a thing stands after the reset: its quaternion (w, x, y, z) at heading 0, and its heading."""
@@ -220,8 +218,6 @@ class LiveModel:
         number = self.mj.mj_name2id(self.model, self.mj.mjtObj.mjOBJ_SITE, name)
         return self.data.site_xpos[number], self.data.site_xmat[number].reshape(3, 3), self.model.site_size[number]
 
-    # ---- rays
-
     def ray(self, origin: Sequence[float] | Array, direction: Sequence[float]) -> tuple[float, str]:
         """How far it is to the first collision shape, and whose that is; infinite where there is none."""
         geom, groups = np.array([-1], dtype=np.int32), np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
@@ -233,28 +229,28 @@ class LiveModel:
         """The height of the ground near a point, by rays past all things."""
         x, y, z = origin
         grid, above = np.linspace(-reach, reach, 7), z + 0.08
-        with self.cleared():
-            found = [self.ray((x + u, y + v, above), DOWN) for u in grid for v in grid]
+        with self.without_movers():
+            found = [self.ray((x + u, y + v, above), DOWNWARDS) for u in grid for v in grid]
         heights = [above - far for far, owner in found if math.isfinite(far) and not owner]
         return float(np.median(heights)) if heights else z
 
     def floor(self, site: str, half: Array, fixture: str, joints: Mapping[str, float]) -> Floor:
         """The floor of a fixture at one of its sites, by rays from within it. A site on a slope, or that no ray finds a
         floor below, is its own floor."""
-        with self.cleared(joints):
+        with self.without_movers(joints):
             (x, y, z), turn, _ = self.site(site)
             size = np.abs(turn @ half)
-            if np.abs(turn[2]).max() < STEEP:  # LIBERO takes what is up to 10 cm over it, along its own axis
+            if np.abs(turn[2]).max() < UPRIGHT_COSINE:  # LIBERO takes what is up to 10 cm over it, along its own axis
                 ends = np.array(
                     [(u, v, w) for u in (-half[0], half[0]) for v in (-half[1], half[1]) for w in (0.0, 0.1)]
                 )
                 low, high = (ends @ turn.T).min(axis=0).tolist(), (ends @ turn.T).max(axis=0).tolist()
                 own = (x + low[0], y + low[1], x + high[0], y + high[1])
                 return Floor(own, own, z)
-            begin = z if size[2] > FLAT else z + 0.05
+            begin = z if size[2] > FLAT_SITE else z + 0.05
             hits = []
-            for u, v in ((u, v) for u in GRID * size[0] for v in GRID * size[1]):
-                far, owner = self.ray((x + u, y + v, begin), DOWN)
+            for u, v in ((u, v) for u in RAY_GRID * size[0] for v in RAY_GRID * size[1]):
+                far, owner = self.ray((x + u, y + v, begin), DOWNWARDS)
                 if owner == fixture:
                     hits.append((u, v, begin - far))
             if not hits:
@@ -262,12 +258,12 @@ class LiveModel:
                 return Floor(own, own, float(z - size[2]))
             found = np.array(hits)
             height = float(np.median(found[:, 2]))
-            on = found[np.abs(found[:, 2] - height) < OFF, :2]
-            step = (GRID[1] - GRID[0]) / 2.0 * size[:2]
+            on = found[np.abs(found[:, 2] - height) < FLOOR_TOLERANCE, :2]
+            step = (RAY_GRID[1] - RAY_GRID[0]) / 2.0 * size[:2]
             left, bottom = np.maximum(on.min(axis=0) - step, -size[:2]).tolist()
             right, top = np.minimum(on.max(axis=0) + step, size[:2]).tolist()
             rectangle = (x + left, y + bottom, x + right, y + top)
-            return Floor(rectangle, self._walls(rectangle, height, begin) if size[2] > FLAT else rectangle, height)
+            return Floor(rectangle, self._walls(rectangle, height, begin) if size[2] > FLAT_SITE else rectangle, height)
 
     def _walls(self, rectangle: Rectangle, floor: float, top: float, most: float = 0.3) -> Rectangle:
         """The rectangle up to the walls around a floor, at most 30 cm away, by rays from over its middle lines."""
@@ -283,8 +279,6 @@ class LiveModel:
                     far = min(far, self.ray((*at, height), direction)[0])
             found.append(float(middle[axis] + sign * far))
         return found[0], found[1], found[2], found[3]
-
-    # ---- joints, contacts
 
     def _parts(self) -> dict[str, Part]:
         found = {}
@@ -304,12 +298,12 @@ class LiveModel:
             found[name] = Part(name, int(self.model.jnt_qposadr[joint]), low, high, lever)
         return found
 
-    def accepted(self, part: Part, holds: Callable[[float], bool]) -> tuple[float, float] | None:
+    def accepted_range(self, part: Part, holds: Callable[[float], bool]) -> tuple[float, float] | None:
         """The longest range of a joint that a predicate accepts, and in which the shapes of the fixture keep clear of
         one another; None where there is none."""
         grid = np.unique(np.concatenate([np.linspace(part.low, part.high, 401), np.linspace(-0.005, 0.005, 51)]))
         runs: list[list[float]] = [[]]
-        with self.cleared():
+        with self.without_movers():
             for value in grid[(grid >= part.low) & (grid <= part.high)].tolist():
                 self.data.qpos[part.address] = value
                 self.mj.mj_fwdPosition(self.model, self.data)

@@ -30,12 +30,12 @@ Fact: TypeAlias = tuple[str, ...]  # a predicate and names
 Origin: TypeAlias = tuple[float, float, float]
 Prisms: TypeAlias = Mapping[str, PrismShape]
 JOINTS = {"open": "is_open", "close": "is_close", "turnon": "turn_on", "turnoff": "turn_off"}  # LIBERO's methods
-PLACES = ("on", "in", "stack")
-BLOCK = 0.006  # the height of a fixture whose compartments are used: things on the table keep clear of its outline
-LOW = 0.03  # shapes of such a fixture that begin higher leave room on the table
-TURN = 0.02  # radians by which things are turned from their own heading at the start, at most
-NEAR = 0.03  # LIBERO's: the centres of what is on a thing and of the thing
-EDGE = 0.02  # the part of a joint's range that a goal keeps from its ends
+PLACE_PREDICATES = ("on", "in", "stack")
+FIXTURE_HEIGHT = 0.006  # of one whose compartments are used: things on the table keep clear of its outline
+LOW_SHAPE = 0.03  # shapes of such a fixture that begin higher leave room on the table
+START_TURN = 0.02  # radians by which things are turned from their own heading at the start, at most
+ON_DISTANCE = 0.03  # LIBERO's: the centres of what is on a thing and of the thing
+JOINT_MARGIN = 0.02  # the part of a joint's range that a goal keeps from its ends
 PUSH = 0.001  # metres by which a wall of a fixture that stands elsewhere may push a thing
 TRACK = 2.0  # metres over the table, where sliders are
 
@@ -130,27 +130,25 @@ class _Task:
         self.require: list[str] = []
         self.floors: dict[str, Floor] = {}
         self.ends = self._ends() if anywhere else {}
-        self.asked = self._asked()
+        self.asked = self._goal_joints()
         self.stands: dict[str, tuple[PrismShape, float, float, float]] = {}  # after the reset: x, y, heading
         for name, prism in prisms.items():
             x, y = (live.start[live.movers[name] :][:2] - origin[:2]).tolist()
             self.stands[name] = prism, x, y, headings[name]
-        self.moved = {one[1] for one in self.goal if one[0] in PLACES}
+        self.moved = {one[1] for one in self.goal if one[0] in PLACE_PREDICATES}
 
-    # ---- joints
-
-    def _asked(self) -> dict[Fact, list[tuple[Part, tuple[float, float]]]]:
+    def _goal_joints(self) -> dict[Fact, list[tuple[Part, tuple[float, float]]]]:
         """The joints of the goal, each with the range that LIBERO accepts. A drawer into which the goal puts something
         is out, if it is not asked to be in."""
         wanted = [one for one in self.goal if one[0] in JOINTS]
         named = {part.name for one in wanted for part in self._joints(one)}
         for one in self.goal:
-            if one[0] in PLACES and one[-1] in self.sites and self.sites[one[-1]].joints:
+            if one[0] in PLACE_PREDICATES and one[-1] in self.sites and self.sites[one[-1]].joints:
                 out = ("open", one[-1])
                 part = self._joints(out)[0]
                 if part.name not in named and not self._holds(out, float(self.live.start[part.address])):
                     wanted.append(out)
-        return {one: self._accepted(one) for one in wanted}
+        return {one: self._accepted_range(one) for one in wanted}
 
     def _joints(self, fact: Fact) -> list[Part]:
         found = self.sites.get(fact[1]) or self.live.env.get_object(fact[1])
@@ -160,10 +158,10 @@ class _Task:
         owner = self.live.env.get_object(getattr(self.sites.get(fact[1]), "parent_name", fact[1]))
         return bool(getattr(owner, JOINTS[fact[0]])(value))
 
-    def _accepted(self, fact: Fact) -> list[tuple[Part, tuple[float, float]]]:
+    def _accepted_range(self, fact: Fact) -> list[tuple[Part, tuple[float, float]]]:
         found = []
         for part in self._joints(fact):
-            run = self.live.accepted(part, lambda value: self._holds(fact, value))
+            run = self.live.accepted_range(part, lambda value: self._holds(fact, value))
             if run is None:
                 raise RequestError(WRONG_VALUE(argument="env", value=" ".join(fact), wanted="a joint that can do that"))
             found.append((part, run))
@@ -182,7 +180,7 @@ class _Task:
         """That joints are in ranges that LIBERO accepts, by 2 % of them."""
         texts = []
         for part, (low, high) in ranges:
-            name, margin = self._slider(part), EDGE * (high - low)
+            name, margin = self._slider(part), JOINT_MARGIN * (high - low)
             if low > part.low + 1e-9:
                 texts.append(f"x({name}) >= {_n((low + margin) * part.lever)} m")
             if high < part.high - 1e-9:
@@ -194,19 +192,17 @@ class _Task:
         found, left = [], dict(self.sliders)
         for fact in self.facts:
             if fact[0] in JOINTS and any(part in left.values() for part in self._joints(fact)):
-                found += self._state(self._accepted(fact))
+                found += self._state(self._accepted_range(fact))
                 left = {name: part for name, part in left.items() if part not in self._joints(fact)}
         for name, part in left.items():
             at = float(np.clip(self.live.start[part.address], part.low, part.high)) * part.lever
             found.append(f"abs(x({name}) - ({_n(at)} m)) <= 0.5 mm")
         return found
 
-    # ---- places
-
     def _ends(self) -> dict[str, Array]:
         """(K, 7): the poses of each fixture in the world, at the ends of the region in which resets put it."""
         found = {}
-        for name, zone in (fact[1:] for fact in self.facts if fact[0] in PLACES):
+        for name, zone in (fact[1:] for fact in self.facts if fact[0] in PLACE_PREDICATES):
             if name in self.live.fixtures and zone in self.zones:
                 region, (_, _, z, *attitude) = self.problem["regions"][zone], self.live.fixed[name]
                 left, bottom, right, top = enclosing([_box(one) for one in region["ranges"]])
@@ -234,14 +230,14 @@ class _Task:
         if site not in self.floors:
             own = self.sites[site]
             joints = {part.name: sum(run) / 2.0 for ranges in self.asked.values() for part, run in ranges}
-            if any(one[-1] == site and one[0] in PLACES for one in self.facts):
+            if any(one[-1] == site and one[0] in PLACE_PREDICATES for one in self.facts):
                 joints = {}
             found = self.live.floor(site, np.asarray(own.size, dtype=np.float64), own.parent_name, joints)
             x, y, z = self.origin
             shared = self._everywhere(found.rectangle, own.parent_name)
             walls = shared if found.free == found.rectangle else self._everywhere(found.free, own.parent_name, PUSH)
             own_box, free = ((a - x, b - y, c - x, d - y) for a, b, c, d in (shared, walls))
-            self.floors[site] = floor = Floor(own_box, free, max(round(found.height - z, 4), BLOCK + 0.0005))
+            self.floors[site] = floor = Floor(own_box, free, max(round(found.height - z, 4), FIXTURE_HEIGHT + 0.0005))
             self.regions.append(f"region {site} = {_rect(floor.rectangle)} at {_n(floor.height)} m")
             if floor.free != floor.rectangle:
                 self.regions.append(f"region {site}_walls = {_rect(floor.free)}")
@@ -271,7 +267,7 @@ class _Task:
             return rests
         rests, apart = f"restsOn({upper}, {lower}, 1 cm)", f"dist({upper}, {lower})"
         if name == lower:
-            return f"{rests} & {apart} <= {NEAR:g} m"
+            return f"{rests} & {apart} <= {ON_DISTANCE:g} m"
         half = float(np.sort(np.abs(np.asarray(self.sites[name].size, dtype=np.float64))[:2])[0])
         alone = sum(one[-1] == name for one in self.goal) < 2
         room = min(max(half - 0.9 * self.prisms[upper].reach, 0.012 if alone else 0.042), half)
@@ -285,17 +281,15 @@ class _Task:
 
     def _angle(self, name: str) -> str:
         """The headings that LIBERO gives a thing: that after the reset, or the range of its class."""
-        heading, half = self.headings[name], TURN
+        heading, half = self.headings[name], START_TURN
         model = self.live.env.get_object(name)
         turn = getattr(model, "rotation", None)
         if getattr(model, "rotation_axis", None) == "x" and isinstance(turn, tuple | list) and len(turn) == 2:
             middle = math.pi - (turn[0] + turn[1]) / 2.0  # LIBERO's x, y, z, w are MuJoCo's w, x, y, z
             width = abs(turn[1] - turn[0]) / 2.0
             if abs(math.remainder(heading - middle, 2.0 * math.pi)) <= width + 1e-6:
-                heading, half = middle, max(width, TURN)
+                heading, half = middle, max(width, START_TURN)
         return f"angle({name}, {_n(heading % (2.0 * math.pi))} rad, {_n(half)} rad)"
-
-    # ---- the text
 
     def text(self) -> str:
         places: dict[str, list[str]] = {name: ["workspace"] * (name in self.moved) for name in self.live.movers}
@@ -303,7 +297,7 @@ class _Task:
         start: list[str] = []
         goal: list[str] = []
         for fact in self.facts:
-            if fact[0] not in PLACES or fact[1] not in self.live.movers:
+            if fact[0] not in PLACE_PREDICATES or fact[1] not in self.live.movers:
                 continue
             name, (kind, lower) = fact[1], self._carrier(fact[2])
             if name in self.moved:
@@ -319,13 +313,13 @@ class _Task:
             else:
                 self._place(fact)
         for fact in self.goal:
-            if fact[0] in PLACES and fact[1] in self.live.movers:
+            if fact[0] in PLACE_PREDICATES and fact[1] in self.live.movers:
                 kind, lower = self._carrier(fact[2])
                 goal.append(self._place(fact))
                 places[fact[1]] += [lower] * (kind != "zone")
                 self.tight |= {fact[1]: lower} if kind == "site" else {}
             elif fact not in self.asked:
-                known = (*PLACES, *JOINTS)
+                known = (*PLACE_PREDICATES, *JOINTS)
                 raise RequestError(UNKNOWN_CHOICE(what="predicate of LIBERO's", name=fact[0], known=known))
         for ranges in self.asked.values():
             goal += self._state(ranges)
@@ -349,14 +343,14 @@ class _Task:
             lines.append(f"object {name} = {prism.text()} on {surfaces}")
         lines += [f"object {name} = cylinder(0.0002, 0.001) on {name}_track" for name in self.sliders]
         boxes |= {name: box for name, (_, box) in fixtures.items()}
-        lines += ["", *self._apart(boxes), *dict.fromkeys(self.require), ""]
+        lines += ["", *self._clearance_terms(boxes), *dict.fromkeys(self.require), ""]
         lines += [f"start: {' & '.join(dict.fromkeys(start))}"] * bool(start)
         return "\n".join([*lines, f"goal: {' & '.join(dict.fromkeys(goal))}", ""])
 
     def _fixtures(self) -> dict[str, tuple[str, Rectangle]]:
         """The shape and pose of each fixture, and the rectangle around it."""
         found = {}
-        with self.live.cleared():
+        with self.live.without_movers():
             for name in self.live.fixtures:
                 points, body = self.live.points(name), self.live.things[name]
                 if not len(points):
@@ -364,12 +358,12 @@ class _Task:
                 x, y, z = self.live.data.xpos[body] - np.array(self.origin)
                 quaternion = self.live.data.xquat[body].copy()
                 prism = prism_of(points, upright(quaternion))
-                height = max(float(z) + prism.top, BLOCK)
+                height = max(float(z) + prism.top, FIXTURE_HEIGHT)
                 floors = [one.height for site, one in self.floors.items() if self.sites[site].parent_name == name]
                 lowest = min(floors, default=math.inf)
                 height = lowest if height - 0.002 <= lowest < height else height
                 if lowest < height:  # something can be within it
-                    height, prism = BLOCK, prism_of(self.live.points(name, LOW), upright(quaternion))
+                    height, prism = FIXTURE_HEIGHT, prism_of(self.live.points(name, LOW_SHAPE), upright(quaternion))
                 heading = float(heading_of(quaternion))
                 pose = f"({_n(x)}, {_n(y)}, {_n(heading % (2.0 * math.pi))} rad)"
                 found[name] = f"{prism.text(height)} at {pose}", grow((x, y, x, y), prism.reach)
@@ -382,7 +376,7 @@ class _Task:
         shapes = Polygon(first.corners), Polygon(second.corners)
         return bool(gap(NUMPY, *shapes, x, y, turn, a, b, heading) > 0.005)
 
-    def _apart(self, boxes: Mapping[str, Rectangle]) -> list[str]:
+    def _clearance_terms(self, boxes: Mapping[str, Rectangle]) -> list[str]:
         """Requirements for the pairs that could meet, but for those whose hulls do after the reset, such as what a
         handle reaches over; `boxes` are those of things whose place is known."""
         names = [*self.live.movers, *(name for name in boxes if name in self.live.fixtures)]

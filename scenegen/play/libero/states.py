@@ -17,28 +17,29 @@ from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE, WRONG_VALUE
 from scenegen.play.frame import TableFrame, flat, inverse, times
-from scenegen.play.libero.init_files import FIXTURE, read_packed, write_states
-from scenegen.play.libero.measure import FLAT, ROBOT, STEEP, LiveModel, matrix, silence
-from scenegen.play.libero.spec import PLACES, EnvironmentSpec, Fact, spec_of
+from scenegen.play.libero.init_files import FIXTURE_PREFIX, read_packed, write_states
+from scenegen.play.libero.measure import FLAT_SITE, ROBOT_OWNER, UPRIGHT_COSINE, LiveModel, matrix, silence
+from scenegen.play.libero.spec import PLACE_PREDICATES, EnvironmentSpec, Fact, spec_of
 from scenegen.play.starts import RangeStarts, Start, phi_at
 from scenegen.sampling.request import Range
 from scenegen.validation import as_int, as_path, as_seconds
 
-STEPS = 20  # control steps of the environment's own, after which a state is judged again
-DEEP = 0.003  # metres: contacts that are deeper push things away
-STILL = 0.01  # metres by which things may move in those steps, and initial facts be off
-SHOVED = 0.03  # metres by which they may move where fixtures that stand elsewhere push them
-FAR = 0.5  # metres: what moves farther while it settles has fallen off
-UP = 0.985  # the cosine of 10 degrees, by which things of starts may tip
-LOOK = 50  # steps of the simulation from one look at the things to the next: 0.1 s
-SLOW = 1e-5, 1e-3  # metres: what moves less from look to look is at rest; what moves more at the end is not
+CONTROL_STEPS = 20  # control steps of the environment's own, after which a state is judged again
+CONTACT_DEPTH = 0.003  # metres: contacts that are deeper push things away
+STILL_DISTANCE = 0.01  # metres by which things may move in those steps, and initial facts be off
+SHOVED_DISTANCE = 0.03  # metres by which they may move where fixtures that stand elsewhere push them
+FALL_DISTANCE = 0.5  # metres: what moves farther while it settles has fallen off
+TIP_COSINE = 0.985  # the cosine of 10 degrees, by which things of starts may tip
+STEPS_BETWEEN_LOOKS = 50  # steps of the simulation from one look at the things to the next: 0.1 s
+REST_DISTANCES = 1e-5, 1e-3  # metres: what moves less from look to look is at rest; what moves more at the end is not
 MISS = -0.001  # phi of starts that miss, at most
 LEAST, TRIES = 174, 10  # scenes that are drawn at most: if none of them is good, and for each state
-TIMEOUT = 60.0  # seconds of a draw
-UPRIGHT = 6  # draws without a success, after which what the goal has in a fixture is tried in other attitudes
-PRESSED = 0.0002  # metres by which solved things are lowered onto fixtures, whose tops are not quite level
-OVER = 0.0005  # metres over its floor from where a thing is lowered
-LEAN, HIGH = 0.15, 0.1  # radians by which it leans in the last of these attitudes, as a book does, and metres for OVER
+DRAW_TIMEOUT = 60.0  # seconds of a draw
+UPRIGHT_DRAWS = 6  # draws without a success, after which what the goal has in a fixture is tried in other attitudes
+PRESS_DEPTH = 0.0002  # metres by which solved things are lowered onto fixtures, whose tops are not quite level
+LOWER_FROM = 0.0005  # metres over its floor from where a thing is lowered
+BOOK_LEAN = 0.15  # radians by which it leans in the last of these attitudes, as a book does
+LEAN_HEIGHT = 0.1  # metres over its floor from where it is lowered then
 
 Judge = Callable[[], bool]
 
@@ -114,34 +115,34 @@ def init_states(
         ranges = {"start": Range(0.0), **ranges}
     judge = accept or getattr(env, "check_success", None) or env._check_success
     maker = _Maker(env, own, lambda: bool(judge()), as_seconds("settle", settle), missing)
-    told: list[_Verdict] = []
+    verdicts: list[_Verdict] = []
     good: list[tuple[_Verdict, Start]] = []
     side = None
-    starts = RangeStarts(own.spec, lambda: ranges, as_int("seed", seed), TIMEOUT, first=n + n // 4)
-    while len(good) < n and len(told) < max(TRIES * n if good else 0, LEAST):
-        if not missing and not good and len(told) >= UPRIGHT:
-            side = len(told) - UPRIGHT
+    starts = RangeStarts(own.spec, lambda: ranges, as_int("seed", seed), DRAW_TIMEOUT, first=n + n // 4)
+    while len(good) < n and len(verdicts) < max(TRIES * n if good else 0, LEAST):
+        if not missing and not good and len(verdicts) >= UPRIGHT_DRAWS:
+            side = len(verdicts) - UPRIGHT_DRAWS
         try:
             start = starts.take()
         except RequestError:
-            if told:
+            if verdicts:
                 break  # there were scenes, but no more in the time
             raise
-        told.append(maker.judged(start, side))
-        if not told[-1].reason:
-            good.append((told[-1], start))
+        verdicts.append(maker.judge_start(start, side))
+        if not verdicts[-1].reason:
+            good.append((verdicts[-1], start))
     maker.restore()
-    width, settled = len(own.live.sim.get_state().flatten()), [one.agrees for one in told if one.agrees is not None]
+    width, settled = len(own.live.sim.get_state().flatten()), [one.agrees for one in verdicts if one.agrees is not None]
     return SettledStates(
         np.array([one.state for one, _ in good], dtype=np.float64).reshape(len(good), width),
         {label: np.array([start.phi[label] for _, start in good]) for label in own.spec.labels},
         {label: np.array([one.read[label] for one, _ in good]) for label in own.spec.labels},
         np.array([one.moved for one, _ in good]),
         own,
-        len(told),
+        len(verdicts),
         len(settled),
         sum(settled),
-        Counter(one.reason for one in told if one.reason),
+        Counter(one.reason for one in verdicts if one.reason),
     )
 
 
@@ -152,7 +153,7 @@ def set_scene(env: Any, path: str | Path, row: int) -> Any:
     there."""
     path = Path(f"{str(as_path('path', path)).removesuffix('.npz')}.npz")
     found, live = read_packed(path), LiveModel(env)
-    states, poses = found.pop("states"), {name.removeprefix(FIXTURE): pose for name, pose in found.items()}
+    states, poses = found.pop("states"), {name.removeprefix(FIXTURE_PREFIX): pose for name, pose in found.items()}
     if states.shape[1:] != env.get_sim_state().shape or poses.keys() != {*live.fixtures}:
         wanted = "states with fixtures of this task, as `scenegen libero` writes them"
         raise RequestError(WRONG_VALUE(argument="path", value=str(path), wanted=wanted))
@@ -175,7 +176,7 @@ class _Maker:
         self.arm_speed = [int(self.model.jnt_dofadr[one]) for one in joints]
         most = max(map(len, own.ends.values()), default=0)
         self.elsewhere = [{name: one[k % len(one)] for name, one in own.ends.items()} for k in range(most)]
-        self.second = round(STEPS * own.live.env.control_timestep / float(self.model.opt.timestep))
+        self.second = round(CONTROL_STEPS * own.live.env.control_timestep / float(self.model.opt.timestep))
         self.broken: set[Fact] = set()  # initial facts that the environment's own reset does not keep
         self.restore()
         self.step()
@@ -190,7 +191,7 @@ class _Maker:
         self.data.qpos[:] = self.live.start
         self.live.mj.mj_forward(self.model, self.data)
 
-    def judged(self, start: Start, side: int | None) -> _Verdict:
+    def judge_start(self, start: Start, side: int | None) -> _Verdict:
         """Put a scene in, and hold it against all conditions, the cheap ones first."""
         self.put(start.poses, side)
         planned, ups, wanted = self.places(), self.ups(), start.phi.get("goal", 0.0) >= 0.0
@@ -200,14 +201,14 @@ class _Maker:
             return _Verdict("does not come to rest")
         if wanted and self.elsewhere:
             for name in self.own.tight:
-                self.data.qpos[self.live.movers[name] + 2] -= PRESSED
+                self.data.qpos[self.live.movers[name] + 2] -= PRESS_DEPTH
             self.live.mj.mj_forward(self.model, self.data)
-        if any(ROBOT in (a, b) and {a, b} & {*self.things} for a, b, _ in self.live.contacts()):
+        if any(ROBOT_OWNER in (a, b) and {a, b} & {*self.things} for a, b, _ in self.live.contacts()):
             return _Verdict("touches the robot")
-        if self.live.depth(self.live.movers) > DEEP:
+        if self.live.depth(self.live.movers) > CONTACT_DEPTH:
             return _Verdict("contacts deeper than 3 mm")
-        tips = (self.ups() * ups).sum(axis=1).min(initial=1.0) < UP and self.missing
-        if tips or np.abs(self.places() - planned)[:, :2].max(initial=0.0) > FAR:
+        tips = (self.ups() * ups).sum(axis=1).min(initial=1.0) < TIP_COSINE and self.missing
+        if tips or np.abs(self.places() - planned)[:, :2].max(initial=0.0) > FALL_DISTANCE:
             return _Verdict("falls")
         state = np.asarray(self.live.sim.get_state().flatten(), dtype=np.float64)
         rested, read = self.places(), self.phi(start)
@@ -225,7 +226,7 @@ class _Maker:
         moved = float(np.linalg.norm(self.places() - rested, axis=1).max(initial=0.0))
         if self.judge() != solved:
             return _Verdict("judged otherwise after 20 steps", False)
-        if moved > STILL or not self.keeps_all():
+        if moved > STILL_DISTANCE or not self.keeps_all():
             return _Verdict("moves in 20 steps", True)
         near = self.near_fixtures()
         if not all(self.holds(state, ends, solved, near) for ends in self.elsewhere):
@@ -244,7 +245,7 @@ class _Maker:
             if good and (near or self.near_fixtures()):
                 self.run(self.second)
                 moved = np.linalg.norm(self.places() - before, axis=1).max(initial=0.0)
-                good = self.judge() == solved and self.keeps_all() and bool(moved <= SHOVED)
+                good = self.judge() == solved and self.keeps_all() and bool(moved <= SHOVED_DISTANCE)
             return good
         finally:
             self.live.stand(self.live.fixed)
@@ -253,8 +254,6 @@ class _Maker:
         """Whether a thing touches a fixture."""
         pairs = ({a, b} for a, b, _ in self.live.contacts())
         return any(not pair.isdisjoint(self.own.ends) and not pair.isdisjoint(self.things) for pair in pairs)
-
-    # ---- from a scene to a simulation and back
 
     def put(self, poses: Array, side: int | None) -> None:
         """The things where a scene has them, each lowered until it touches something; those that stand lowest first.
@@ -267,7 +266,7 @@ class _Maker:
             self.data.qpos[part.address] = rows[name][0] / part.lever
         live.mj.mj_forward(self.model, self.data)
         for name in sorted(self.things, key=lambda name: float(rows[name][2])):
-            attitude, low, over = times(rows[name][3:], own.attitudes[name]), own.prisms[name].bottom, OVER
+            attitude, low, over = times(rows[name][3:], own.attitudes[name]), own.prisms[name].bottom, LOWER_FROM
             if side is not None and name in own.tight:
                 turn, over = _sides()[side % len(_sides())]
                 live.mj.mju_mat2Quat(attitude, live.site(own.tight[name])[1].ravel())
@@ -297,20 +296,20 @@ class _Maker:
         """Whether the height of a thing in a compartment is one that LIBERO takes, to 2 mm: no formula has it."""
         at, turn, size = self.live.site(site)
         half, over = float(np.abs(turn @ size)[2]), float(self.data.xpos[self.live.things[name]][2] - at[2])
-        open_ = half < FLAT or np.abs(turn[2]).max() < STEEP
+        open_ = half < FLAT_SITE or np.abs(turn[2]).max() < UPRIGHT_COSINE
         return bool(open_ or -half - 0.012 <= over <= half + 0.002)
 
     def come_to_rest(self) -> bool:
         """Step the simulation with the arm held, until nothing moves or the time is over. True if the things rest."""
         last, moved = self.poses(), math.inf
-        for left in range(self.settle, 0, -LOOK):
-            self.run(min(left, LOOK))
+        for left in range(self.settle, 0, -STEPS_BETWEEN_LOOKS):
+            self.run(min(left, STEPS_BETWEEN_LOOKS))
             last, moved = (now := self.poses()), float(np.abs(now - last).max(initial=0.0))
-            if moved < SLOW[0]:
+            if moved < REST_DISTANCES[0]:
                 break
         self.data.time, self.data.qvel[:], self.data.qacc_warmstart[:] = 0.0, 0.0, 0.0
         self.live.mj.mj_forward(self.model, self.data)
-        return moved < SLOW[1] and bool(np.isfinite(self.data.qpos).all())
+        return moved < REST_DISTANCES[1] and bool(np.isfinite(self.data.qpos).all())
 
     def run(self, steps: int) -> None:
         """Steps of the simulation, with the arm held."""
@@ -330,7 +329,7 @@ class _Maker:
         action = np.zeros(inner.action_dim)
         action[-1] = -1.0
         with silence():
-            for _ in range(STEPS):
+            for _ in range(CONTROL_STEPS):
                 inner.timestep, inner.done = 0, False
                 self.env.step(action)
 
@@ -360,23 +359,24 @@ class _Maker:
 
     def keeps(self, fact: Fact) -> bool:
         """Whether an initial fact holds: of a region of the table to 1 cm, of all else as the environment says."""
-        if fact in self.broken or (fact[0] in PLACES and fact[1] not in self.live.movers):
+        if fact in self.broken or (fact[0] in PLACE_PREDICATES and fact[1] not in self.live.movers):
             return True
         ranges = self.live.env.parsed_problem["regions"].get(fact[-1], {}).get("ranges")
-        if fact[0] not in PLACES or not ranges:
+        if fact[0] not in PLACE_PREDICATES or not ranges:
             return bool(self.live.env._eval_predicate(list(fact)))
         at = self.data.xpos[self.live.things[fact[1]]][:2] - self.own.origin[:2]
         corners = np.array(ranges).reshape(-1, 2, 2)
-        return bool(((at >= corners.min(axis=1) - STILL) & (at <= corners.max(axis=1) + STILL)).all(axis=1).any())
+        low, high = corners.min(axis=1) - STILL_DISTANCE, corners.max(axis=1) + STILL_DISTANCE
+        return bool(((at >= low) & (at <= high)).all(axis=1).any())
 
 
 @cache
 def _sides() -> list[tuple[Array, float]]:
     """Three times the 24 rotations by quarters of a turn; then each leaning about x or y, either way, from high."""
-    cosine, sine = math.cos(LEAN / 2.0), math.sin(LEAN / 2.0)
+    cosine, sine = math.cos(BOOK_LEAN / 2.0), math.sin(BOOK_LEAN / 2.0)
     leans = [(cosine, sine, 0.0, 0.0), (cosine, 0.0, sine, 0.0), (cosine, -sine, 0.0, 0.0), (cosine, 0.0, -sine, 0.0)]
-    straight = [(one, OVER) for one in _quarters()]
-    return 3 * straight + [(times(lean, one), HIGH) for lean in leans for one, _ in straight]
+    straight = [(one, LOWER_FROM) for one in _quarters()]
+    return 3 * straight + [(times(lean, one), LEAN_HEIGHT) for lean in leans for one, _ in straight]
 
 
 def _quarters() -> list[Array]:

@@ -1,4 +1,4 @@
-"""ALP-GMM: absolute learning progress by mixtures of Gaussians."""
+"""ALP-GMM: absolute learning progress by mixtures of Gaussians, which are fitted by expectation maximisation."""
 
 from __future__ import annotations
 
@@ -10,16 +10,8 @@ from pydantic import Field
 from scenegen.play.strategies.base import Base, Floats, Settings
 from scenegen.play.tasks import Outcome, PhiBox
 
-# --------------------------------------------------------------------------------------------------------------------
-# Mixtures of Gaussians by expectation maximisation, of several sizes at once.
-#
-# scikit-learn fits one mixture at a time, in tens of milliseconds; a strategy refits while its learner waits. Here
-# the fits for 2, 3, ..., `largest` Gaussians are an additional axis of the same arrays, and the fit with the smallest
-# value of Akaike's criterion (Akaike 1974) is kept.
-
-
-FLOOR = 1e-4  # added to the variances: no Gaussian shrinks to a point
-LIGHTEST = 1e-12
+VARIANCE_FLOOR = 1e-4  # added to the variances: no Gaussian shrinks to a point
+MIN_WEIGHT = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,21 +25,26 @@ class Mixture:
 
 def fit(points: Floats, largest: int, rng: np.random.Generator, rounds: int = 10) -> Mixture:
     """A mixture of 2 to `largest` Gaussians for `points` (N, D), N > 0; at most as many as points. It starts from
-    points drawn by `rng`."""
+    points drawn by `rng`.
+
+    scikit-learn fits one mixture at a time, in tens of milliseconds; a strategy refits while its learner waits. Here
+    the fits for 2, 3, ..., `largest` Gaussians are an additional axis of the same arrays, and the fit with the smallest
+    value of Akaike's criterion (Akaike 1974) is kept.
+    """
     count, width = points.shape
     largest = min(largest, count)
     sizes = np.arange(min(2, largest), largest + 1)  # (S,)
     there = np.arange(largest) < sizes[:, None]  # (S, K)
     weights = there / sizes[:, None]
     means = points[rng.permutation(count)[:largest]] + np.zeros((len(sizes), 1, 1))
-    floor = FLOOR * np.eye(width)
+    floor = VARIANCE_FLOOR * np.eye(width)
     spread = points - points.mean(0)
     covariances = np.broadcast_to(spread.T @ spread / count + floor, (len(sizes), largest, width, width))
     across = np.ascontiguousarray(points.T)  # points last: numpy is fast along long rows
     for left in reversed(range(rounds + 1)):
         apart = across - means[..., None]  # (S, K, D, N)
         far = (apart * (np.linalg.inv(covariances) @ apart)).sum(2)  # (S, K, N)
-        scale = np.log(np.maximum(weights, LIGHTEST)) - 0.5 * np.log(np.linalg.det(covariances))
+        scale = np.log(np.maximum(weights, MIN_WEIGHT)) - 0.5 * np.log(np.linalg.det(covariances))
         log = np.where(there, scale, -np.inf)[:, :, None] - 0.5 * far
         top = log.max(1, keepdims=True)
         parts = np.exp(log - top)
@@ -55,7 +52,7 @@ def fit(points: Floats, largest: int, rng: np.random.Generator, rounds: int = 10
         if not left:
             break
         parts /= total
-        held = parts.sum(2) + LIGHTEST  # (S, K)
+        held = parts.sum(2) + MIN_WEIGHT  # (S, K)
         weights = held / count
         means = parts @ points / held[..., None]
         apart = across - means[..., None]
@@ -67,8 +64,8 @@ def fit(points: Floats, largest: int, rng: np.random.Generator, rounds: int = 10
     return Mixture(weights[best, kept], means[best, kept], covariances[best, kept])
 
 
-BATCH = 32  # tasks that are drawn at once
-ROUNDS = 6  # of expectation maximisation; more cost time, and did not improve the tasks
+TASKS_AT_ONCE = 32  # tasks that are drawn at once
+EM_ROUNDS = 6  # of expectation maximisation; more cost time, and did not improve the tasks
 
 
 class AlpGmmSettings(Settings):
@@ -137,8 +134,8 @@ class AlpGmm(Base):
     def _draw(self) -> list[list[float]]:
         """The easy ends of some tasks: drawn one by one they would cost ten times as much."""
         upto = self.worth.cumsum()
-        chosen = upto.searchsorted(self.rng.random(BATCH) * upto[-1], side="right").clip(max=len(upto) - 1)
-        noise = self.rng.standard_normal((BATCH, self.axis.count, 1))
+        chosen = upto.searchsorted(self.rng.random(TASKS_AT_ONCE) * upto[-1], side="right").clip(max=len(upto) - 1)
+        noise = self.rng.standard_normal((TASKS_AT_ONCE, self.axis.count, 1))
         at = self.means[chosen] + (self.roots[chosen] @ noise)[:, :, 0]
         # moved inside as a whole: a task cut by the border would be chosen as often as any other
         found: list[list[float]] = (at - self.settings.width / 2).clip(0.0, 1.0 - self.settings.width).tolist()
@@ -163,7 +160,7 @@ class AlpGmm(Base):
 
     def _refit(self) -> None:
         labels = self.axis.count
-        found = fit(self.pairs[: self.told], self.settings.largest, self.rng, ROUNDS)
+        found = fit(self.pairs[: self.told], self.settings.largest, self.rng, EM_ROUNDS)
         self.drawn = []
         self.worth = np.maximum(found.means[:, labels], 0.0) + 1e-6  # no progress at all: any Gaussian
         self.means = found.means[:, :labels]

@@ -19,19 +19,17 @@ from scenegen.errors.learning import NOT_A_REACH, NOT_A_STATE, TOO_MANY_CELLS
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_SETTING, WRONG_SETTING, WRONG_VALUE
 from scenegen.play.tasks import Outcome, PhiBox
 
-# --------------------------------------------------------------------------------------------------------------------
-# Difficulty: 0 at the easy end of a range, where phi is highest, 1 at the hard end.
-#
-# With several labels the hardest counts: a scene is as hard as the label that is furthest on its way from its highest
-# to its lowest phi, just as the phi of a conjunction is the minimum of its parts. So the scenes between two
-# difficulties form a shell around the easy corner. It consists of L boxes; one is drawn by its volume. The shells
-# fill the range and contain the mixed scenes (one label easy, another hard), which the straight line between the two
-# corners would miss.
-
 
 class DifficultyAxis:
     """Difficulty in `space`, along those `labels` (positions; None: all) whose range is not a single value; `count` of
-    them."""
+    them. It is 0 at the easy end of a range, where phi is highest, 1 at the hard end.
+
+    With several labels the hardest counts: a scene is as hard as the label that is furthest on its way from its highest
+    to its lowest phi, just as the phi of a conjunction is the minimum of its parts. So the scenes between two
+    difficulties form a shell around the easy corner. It consists of L boxes; one is drawn by its volume. The shells
+    fill the range and contain the mixed scenes (one label easy, another hard), which the straight line between the two
+    corners would miss.
+    """
 
     def __init__(self, space: PhiBox, labels: Sequence[int] | None = None) -> None:
         check(space)
@@ -109,35 +107,27 @@ def _two_numbers(ends: object) -> bool:
     return isinstance(ends, tuple) and all(isinstance(end, Real) for end in ends)
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# Weighted draws, and success rates of parts: the building blocks of most strategies.
-
-
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def drawn(weights: Floats, rng: np.random.Generator) -> int:
+def draw_index(weights: Floats, rng: np.random.Generator) -> int:
     """An index, drawn by weights >= 0 that are not all 0."""
     upto = weights.cumsum()
     found = int(upto.searchsorted(rng.random() * upto[-1], side="right"))
     return min(found, len(weights) - 1)  # the product may round up to the last sum
 
 
-def any_of(count: int, rng: np.random.Generator) -> int:
+def random_index(count: int, rng: np.random.Generator) -> int:
     """An index below `count`."""
     return int(rng.random() * count)
 
 
-def hear(rate: Floats, heard: Ints, part: int, score: float, span: int) -> None:
+def update_rate(rate: Floats, heard: Ints, part: int, score: float, span: int) -> None:
     """Move a part's rate towards a score: at first the mean of all outcomes, with the initial guess as one observation;
     after `span` outcomes a running mean with step 1 / span."""
     heard[part] += 1
     rate[part] += (score - rate[part]) / min(int(heard[part]) + 1, span)
-
-
-# --------------------------------------------------------------------------------------------------------------------
-# The settings of a strategy, and the errors for wrong ones.
 
 
 class Settings(BaseModel):
@@ -155,7 +145,7 @@ class Settings(BaseModel):
 Some = TypeVar("Some", bound=Settings)
 
 
-def checked(kind: type[Some], owner: str, values: Mapping[str, object]) -> Some:
+def check_settings(kind: type[Some], owner: str, values: Mapping[str, object]) -> Some:
     """The settings of strategy `owner`. Raises RequestError for an unknown one or a value out of its range."""
     try:
         return kind.model_validate(dict(values))
@@ -172,7 +162,7 @@ def checked(kind: type[Some], owner: str, values: Mapping[str, object]) -> Some:
         raise RequestError(WRONG_SETTING(owner=of, name=name, reason=reason, usual=usual)) from error
 
 
-FORMER = {"asked": "tasks"}  # names in saved states of version 0.1, and what they are called now
+FORMER_NAMES = {"asked": "tasks"}  # names in saved states of version 0.1, and what they are called now
 
 
 class Base(ABC):
@@ -195,7 +185,7 @@ class Base(ABC):
 
     def __init__(self, space: PhiBox, rng: np.random.Generator, **settings: Any) -> None:
         """Raises RequestError for a bad space, an unknown setting, or a value out of its range."""
-        self.settings = checked(self.settings_class, self.name, settings)
+        self.settings = check_settings(self.settings_class, self.name, settings)
         if not isinstance(rng, np.random.Generator):
             wanted = "a numpy.random.Generator: np.random.default_rng(0)"
             raise RequestError(WRONG_VALUE(argument="rng", value=repr(rng), wanted=wanted))
@@ -222,22 +212,22 @@ class Base(ABC):
     def state(self) -> dict[str, Any]:
         """Everything that is needed to continue from here, as plain data for JSON."""
         memory = {name: attrgetter(name)(self) for name in self.memory}
-        return {**self._who(), **_plain({"rng": self.rng.bit_generator.state, "memory": memory})}
+        return {**self._identity(), **_plain({"rng": self.rng.bit_generator.state, "memory": memory})}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from a `state`, including that of the generator. Raises DataError for a state of another strategy,
         another space or other settings."""
         if not isinstance(state, Mapping):
             raise DataError(NOT_A_STATE(value=repr(state)))
-        for part, mine in self._who().items():
+        for part, mine in self._identity().items():
             if state.get(part) != mine:
                 raise DataError(NOT_A_STATE(part=part, found=str(state.get(part)), wanted=str(mine)))
         memory = state.get("memory")
         if not isinstance(memory, Mapping):
-            raise self._not_whole()
-        memory = {FORMER.get(name, name): saved for name, saved in memory.items()}
+            raise self._state_error()
+        memory = {FORMER_NAMES.get(name, name): saved for name, saved in memory.items()}
         if set(memory) != set(self.memory):
-            raise self._not_whole()
+            raise self._state_error()
         found = {name: self._like(attrgetter(name)(self), saved) for name, saved in memory.items()}
         try:
             self.rng.bit_generator.state = state["rng"]
@@ -254,19 +244,19 @@ class Base(ABC):
             try:
                 array = np.array(saved, dtype=mine.dtype)
             except (TypeError, ValueError, OverflowError):
-                raise self._not_whole() from None
+                raise self._state_error() from None
             free = not self.fixed_shapes and (array.ndim == mine.ndim or not array.size)
             if array.shape != mine.shape and not free:
-                raise self._not_whole()
+                raise self._state_error()
             return array
         if not (_numbers(saved) if isinstance(mine, list) else _number(saved)):
-            raise self._not_whole()
+            raise self._state_error()
         return _plain(saved)
 
-    def _not_whole(self) -> DataError:
+    def _state_error(self) -> DataError:
         return DataError(NOT_A_STATE(strategy=self.name))
 
-    def _who(self) -> dict[str, Any]:
+    def _identity(self) -> dict[str, Any]:
         space = {"low": list(self.space.low), "high": list(self.space.high)}
         return {"strategy": self.name, "space": space, "settings": self.settings.model_dump(mode="json")}
 
@@ -290,24 +280,17 @@ def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, list) else value
 
 
-# --------------------------------------------------------------------------------------------------------------------
-# The range of phi cut into a finite number of parts: levels of difficulty, or cells over all labels.
-#
-# A source may have no scene for a part, and return the nearest one. For levels this is acceptable: the outcome
-# belongs to the requested level. Many cells may be out of reach (two labels that no scene violates badly together),
-# and all their scenes would come from the border of the reachable region. So an outcome belongs to the cell of its
-# first scene, and a cell that never had a scene is closed after a few attempts.
-#
-# Outcomes of tasks that the caller chose count by their phi.
-
-
-CELLS = (16, 6, 4, 3)  # per label, of one, two, three and four labels; of more, two
-MOST = 4096
-VAIN = 3  # attempts until a cell without scenes is closed
+DEFAULT_CELLS = (16, 6, 4, 3)  # per label, of one, two, three and four labels; of more, two
+MAX_CELLS = 4096
+MAX_VAIN = 3  # attempts until a cell without scenes is closed
 
 
 class Levels:
-    """`count` levels of equal difference in difficulty, 0 the easiest; of several labels, shells."""
+    """`count` levels of equal difference in difficulty, 0 the easiest; of several labels, shells.
+
+    A source may have no scene for a level, and return the nearest one: the outcome belongs to the requested level.
+    Outcomes of tasks that the caller chose count by their phi.
+    """
 
     def __init__(self, axis: DifficultyAxis, count: int) -> None:
         self.axis, self.count = axis, count
@@ -318,7 +301,7 @@ class Levels:
         """A box of the level's, by its volume."""
         return pick(self._boxes[level], rng)
 
-    def of(self, outcome: Outcome) -> int | None:
+    def index_of(self, outcome: Outcome) -> int | None:
         """The level that an outcome belongs to, None if it lies outside of the space."""
         named = self._named.get(outcome.task)
         if named is not None:
@@ -330,8 +313,12 @@ class Levels:
 class DifficultyGrid:
     """A grid over all labels of the axis, `per` cells along each; the first label's index changes slowest.
 
+    Many cells may be out of reach (two labels that no scene violates badly together), and all their scenes would come
+    from the border of the reachable region. So an outcome belongs to the cell of its first scene, and a cell that never
+    had a scene is closed after a few attempts. Outcomes of tasks that the caller chose count by their phi.
+
     `open` is 1 for cells that may have scenes, 0 for closed ones; `vain` counts the failed attempts for cells that
-    never had a scene, and is -1 for the others. Raises RequestError for more than MOST cells.
+    never had a scene, and is -1 for the others. Raises RequestError for more than MAX_CELLS cells.
     """
 
     memory = ("cells.open", "cells.vain")
@@ -340,10 +327,10 @@ class DifficultyGrid:
     vain: Ints
 
     def __init__(self, axis: DifficultyAxis, per: int | None = None) -> None:
-        per = per or (CELLS[axis.count - 1] if 0 < axis.count <= len(CELLS) else 2)
+        per = per or (DEFAULT_CELLS[axis.count - 1] if 0 < axis.count <= len(DEFAULT_CELLS) else 2)
         self.axis, self.per, self.count = axis, per, per**axis.count
-        if self.count > MOST:
-            raise RequestError(TOO_MANY_CELLS(labels=axis.count, per=per, count=self.count, limit=MOST))
+        if self.count > MAX_CELLS:
+            raise RequestError(TOO_MANY_CELLS(labels=axis.count, per=per, count=self.count, limit=MAX_CELLS))
         edges = [(k / per, (k + 1) / per) for k in range(per)]
         corners = [zip(*cell, strict=True) for cell in itertools.product(edges, repeat=axis.count)]
         self._boxes = [axis.box(*corner) if axis.count else axis.space for corner in corners]
@@ -354,29 +341,29 @@ class DifficultyGrid:
         """The cell's box."""
         return self._boxes[cell]
 
-    def any(self, rng: np.random.Generator) -> int:
+    def random_open(self, rng: np.random.Generator) -> int:
         """A cell that is open."""
-        return drawn(self.open, rng)
+        return draw_index(self.open, rng)
 
-    def of(self, outcome: Outcome) -> int | None:
+    def index_of(self, outcome: Outcome) -> int | None:
         """The cell that an outcome belongs to, None if it lies outside of the space. Records cells without scenes."""
         requested = self._named.get(outcome.task)
         if requested is not None and not outcome.task.holds(outcome.phi):
-            self._missed(requested)
+            self._count_miss(requested)
             requested = None
-        cell = self._of(outcome.phi) if requested is None else requested
+        cell = self._cell_at(outcome.phi) if requested is None else requested
         if cell is not None and self.vain[cell] >= 0:
             self.vain[cell], self.open[cell] = -1, 1.0
         return cell
 
-    def _missed(self, cell: int) -> None:
+    def _count_miss(self, cell: int) -> None:
         if self.vain[cell] < 0:
             return
         self.vain[cell] += 1
-        if self.vain[cell] >= VAIN and self.open.sum() > 1.0:
+        if self.vain[cell] >= MAX_VAIN and self.open.sum() > 1.0:
             self.open[cell] = 0.0
 
-    def _of(self, phi: tuple[float, ...]) -> int | None:
+    def _cell_at(self, phi: tuple[float, ...]) -> int | None:
         shares = self.axis.shares(phi)
         if shares is None:
             return None

@@ -8,7 +8,16 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from scenegen.play.strategies.base import Base, DifficultyGrid, Floats, Ints, Settings, any_of, drawn, hear
+from scenegen.play.strategies.base import (
+    Base,
+    DifficultyGrid,
+    Floats,
+    Ints,
+    Settings,
+    draw_index,
+    random_index,
+    update_rate,
+)
 from scenegen.play.tasks import Outcome, PhiBox
 
 
@@ -50,14 +59,14 @@ class Learnability(Base):
 
     def next_task(self) -> PhiBox:
         by_chance = self.rng.random() < self.settings.share
-        cell = self.cells.any(self.rng) if by_chance else drawn(self.weight * self.cells.open, self.rng)
+        cell = self.cells.random_open(self.rng) if by_chance else draw_index(self.weight * self.cells.open, self.rng)
         return self.cells.box(cell)
 
     def report(self, outcome: Outcome) -> None:
-        cell = self.cells.of(outcome)
+        cell = self.cells.index_of(outcome)
         if cell is None:
             return
-        hear(self.rate, self.heard, cell, float(outcome.success), self.settings.window)
+        update_rate(self.rate, self.heard, cell, float(outcome.success), self.settings.window)
         rate = float(self.rate[cell])
         self.weight[cell] = math.exp(self.settings.beta * (rate * (1.0 - rate) - 0.25))
 
@@ -125,27 +134,27 @@ class Replay(Base):
             if draw < len(new):
                 return int(new[int(draw)])
         if self.rng.random() < self.settings.staleness:
-            return drawn((self.tasks - self.last) * there, self.rng)
-        place = drawn(self._by_rank[: int(there.sum())], self.rng)
+            return draw_index((self.tasks - self.last) * there, self.rng)
+        place = draw_index(self._by_rank[: int(there.sum())], self.rng)
         # the cell of that rank, closed ones last; sorting all of them for each draw would cost more
         return int(np.argpartition(1.0 - there - self.score * there, place)[place])
 
     def report(self, outcome: Outcome) -> None:
-        cell = self.cells.of(outcome)
+        cell = self.cells.index_of(outcome)
         worth = float(outcome.success) if self.settings.worth == "success" else outcome.total
         if cell is None or not math.isfinite(worth):
             return
         surprise = abs(worth - self.mean[cell]) if self.heard[cell] else 0.0
         span = self.settings.window
         self.mean[cell] += (worth - self.mean[cell]) / min(int(self.heard[cell]) + 1, span)
-        hear(self.score, self.heard, cell, surprise, span)
+        update_rate(self.score, self.heard, cell, surprise, span)
 
     def log(self) -> dict[str, float]:
         return {"seen": int((self.last >= 0).sum()), "surprise": float(self.score.mean())}
 
 
-UNKNOWN = 1.0  # more than any slope over three outcomes or more
-DIGITS = 9  # rounding of a slope: ties are broken at random, not by rounding errors
+UNKNOWN_SLOPE = 1.0  # more than any slope over three outcomes or more
+SLOPE_DIGITS = 9  # rounding of a slope: ties are broken at random, not by rounding errors
 
 
 class TeacherSettings(Settings):
@@ -184,20 +193,20 @@ class Teacher(Base):
         count, window = self.cells.count, self.settings.window
         self.score = np.zeros((count, window))
         self.heard = np.zeros(count, dtype=np.int64)
-        self.progress = np.full(count, UNKNOWN)
+        self.progress = np.full(count, UNKNOWN_SLOPE)
         time = np.arange(window) - (window - 1) / 2
         # row k: weights of the slope when the oldest outcome stands at k in the ring
         self._slope = np.array([np.roll(time, k) for k in range(window)]) / (time @ time)
 
     def next_task(self) -> PhiBox:
         if self.rng.random() < self.settings.share:
-            return self.cells.box(self.cells.any(self.rng))
+            return self.cells.box(self.cells.random_open(self.rng))
         progress = np.where(self.cells.open, self.progress, -1.0)
         best = np.flatnonzero(progress == progress.max())
-        return self.cells.box(int(best[any_of(len(best), self.rng)]))
+        return self.cells.box(int(best[random_index(len(best), self.rng)]))
 
     def report(self, outcome: Outcome) -> None:
-        cell = self.cells.of(outcome)
+        cell = self.cells.index_of(outcome)
         if cell is None:
             return
         window, heard = self.settings.window, int(self.heard[cell])
@@ -205,18 +214,18 @@ class Teacher(Base):
         self.heard[cell] = heard + 1
         if heard + 1 >= window:
             slope = float(self._slope[(heard + 1) % window] @ self.score[cell])
-            self.progress[cell] = round(abs(slope), DIGITS)
+            self.progress[cell] = round(abs(slope), SLOPE_DIGITS)
 
     def log(self) -> dict[str, float]:
-        known = self.progress[self.progress < UNKNOWN]
+        known = self.progress[self.progress < UNKNOWN_SLOPE]
         return {"progress": float(known.max(initial=0.0)), "rate": float(self.score.mean())}
 
 
-REWARDS = 200  # recent rewards, which determine the scale
-RESCALED = 20  # outcomes between two updates of the scale
-LONGEST = 1.0  # maximum step of a log weight, which a small probability would make huge
-FASTER = 3  # time constants of the two running means
-LEAST_FLOW = 1e-3  # share of the weight that flows, per outcome; with the source's 1 / t changes would stop
+RECENT_REWARDS = 200  # recent rewards, which determine the scale
+RESCALE_EVERY = 20  # outcomes between two updates of the scale
+MAX_LOG_STEP = 1.0  # maximum step of a log weight, which a small probability would make huge
+FAST_FACTOR = 3  # time constants of the two running means
+MIN_FLOW = 1e-3  # share of the weight that flows, per outcome; with the source's 1 / t changes would stop
 
 
 class Exp3SSettings(Settings):
@@ -226,7 +235,7 @@ class Exp3SSettings(Settings):
     cells: int | None = Field(default=None, ge=1, le=1000)
     eta: float = Field(default=0.1, gt=0.0, le=10.0)
     share: float = Field(default=0.1, gt=0.0, le=1.0)
-    window: int = Field(default=30, ge=2 * FASTER, le=100_000)
+    window: int = Field(default=30, ge=2 * FAST_FACTOR, le=100_000)
 
 
 class Exp3S(Base):
@@ -261,32 +270,32 @@ class Exp3S(Base):
         count = self.cells.count
         self.weight = np.full(count, 1.0 / count)
         self.slow, self.fast = np.full(count, 0.5), np.full(count, 0.5)
-        self.heard, self.rewards = np.zeros(count, dtype=np.int64), np.zeros(REWARDS)
+        self.heard, self.rewards = np.zeros(count, dtype=np.int64), np.zeros(RECENT_REWARDS)
         self.told, self.low, self.high = 0, 0.0, 0.0
 
     def next_task(self) -> PhiBox:
         by_chance = self.rng.random() < self.settings.share
-        cell = self.cells.any(self.rng) if by_chance else drawn(self.weight * self.cells.open, self.rng)
+        cell = self.cells.random_open(self.rng) if by_chance else draw_index(self.weight * self.cells.open, self.rng)
         return self.cells.box(cell)
 
     def report(self, outcome: Outcome) -> None:
-        cell = self.cells.of(outcome)
+        cell = self.cells.index_of(outcome)
         if cell is None:
             return
         score, span, count = float(outcome.success), self.settings.window, self.cells.count
         self.slow[cell] += (score - self.slow[cell]) / min(int(self.heard[cell]) + 2, span)
-        hear(self.fast, self.heard, cell, score, span // FASTER)
-        reward = self._scaled(abs(float(self.fast[cell] - self.slow[cell])))
+        update_rate(self.fast, self.heard, cell, score, span // FAST_FACTOR)
+        reward = self._scale(abs(float(self.fast[cell] - self.slow[cell])))
         chance = (1.0 - self.settings.share) * self.weight[cell] + self.settings.share / count  # if all cells were open
-        self.weight[cell] *= math.exp(min(max(self.settings.eta * reward / chance, -LONGEST), LONGEST))
-        flow = max(1.0 / self.told, LEAST_FLOW)
+        self.weight[cell] *= math.exp(min(max(self.settings.eta * reward / chance, -MAX_LOG_STEP), MAX_LOG_STEP))
+        flow = max(1.0 / self.told, MIN_FLOW)
         self.weight = (1.0 - flow) / self.weight.sum() * self.weight + flow / count
 
-    def _scaled(self, reward: float) -> float:
-        self.rewards[self.told % REWARDS] = reward
+    def _scale(self, reward: float) -> float:
+        self.rewards[self.told % RECENT_REWARDS] = reward
         self.told += 1
-        if self.told % RESCALED == 0:
-            recent = np.sort(self.rewards[: min(self.told, REWARDS)])
+        if self.told % RESCALE_EVERY == 0:
+            recent = np.sort(self.rewards[: min(self.told, RECENT_REWARDS)])
             self.low, self.high = float(recent[len(recent) // 5]), float(recent[len(recent) * 4 // 5])
         if self.high <= self.low:
             return 0.0

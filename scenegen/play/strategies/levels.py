@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field, model_validator
 
-from scenegen.play.strategies.base import Base, Floats, Ints, Levels, Settings, any_of, hear
+from scenegen.play.strategies.base import Base, Floats, Ints, Levels, Settings, random_index, update_rate
 from scenegen.play.tasks import Outcome, PhiBox
 
 
@@ -35,7 +35,7 @@ class Uniform(Base):
     def next_task(self) -> PhiBox:
         if self.levels.count == 1:
             return self.space
-        return self.levels.box(any_of(self.levels.count, self.rng), self.rng)
+        return self.levels.box(random_index(self.levels.count, self.rng), self.rng)
 
     def report(self, outcome: Outcome) -> None:
         """Does nothing: outcomes do not change the tasks."""
@@ -173,12 +173,12 @@ class SelfPaced(Base):
         if self.level == self.levels.count or self.rng.random() < self.settings.share:
             return self.space
         oldest = max(self.level + 1 - self.settings.band, 0)
-        return self.levels.box(oldest + any_of(self.level + 1 - oldest, self.rng), self.rng)
+        return self.levels.box(oldest + random_index(self.level + 1 - oldest, self.rng), self.rng)
 
     def report(self, outcome: Outcome) -> None:
         if self.level == self.levels.count:
             return
-        level = self.levels.of(outcome)
+        level = self.levels.index_of(outcome)
         if level is None:
             return
         self.heard += 1
@@ -252,16 +252,16 @@ class Reverse(Base):
         if draw < 0.0:
             return self.space
         if draw < self.settings.replay and self.old:
-            return self.levels.box(self.old[any_of(len(self.old), self.rng)], self.rng)
-        start = self.good[any_of(len(self.good), self.rng)] if self.good else max(self.old, default=0)
+            return self.levels.box(self.old[random_index(len(self.old), self.rng)], self.rng)
+        start = self.good[random_index(len(self.good), self.rng)] if self.good else max(self.old, default=0)
         level = round(start + self.settings.walk * self.rng.standard_normal())
         return self.levels.box(min(max(level, 0), self.levels.count - 1), self.rng)
 
     def report(self, outcome: Outcome) -> None:
-        level = self.levels.of(outcome)
+        level = self.levels.index_of(outcome)
         if level is None:
             return
-        hear(self.rate, self.heard, level, float(outcome.success), self.settings.window)
+        update_rate(self.rate, self.heard, level, float(outcome.success), self.settings.window)
         if self.heard[level] < BELIEVED:
             return
         for levels in (self.good, self.old):

@@ -35,8 +35,9 @@ from scenegen.errors.requests import (
     WRONG_VALUE,
 )
 from scenegen.lang.checker import check_file
-from scenegen.play.suites.statistics import Z
-from scenegen.play.suites.suite import BLANK, MANIFEST, NAME_PATTERN, BandData, SuiteFile, TaskData, overlapping
+from scenegen.learn.success.files import BLANK_DIGEST
+from scenegen.learn.success.statistics import Z
+from scenegen.play.suites.suite import NAME_PATTERN, SUITE_JSON, BandData, SuiteFile, TaskData, overlapping
 from scenegen.sampling.engine.engines import JobResult, run_each
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
 from scenegen.sampling.streams import SUITES_STREAM
@@ -46,11 +47,11 @@ from scenegen.scenes.formats.scenes_json import write
 from scenegen.search.effort import Budget
 from scenegen.validation import as_int, as_path, as_seconds
 
-GOAL, START = "goal", "start"  # labels that are taken where none is named
-DIGITS = 5  # of ends of bands and of probabilities
-MOST = 64  # bands
-COUNTED, FEW = 1 << 16, 100  # draws of a task's base distribution, and of a band at least
-PLACES = 1025  # of the curve that they give
+GOAL_LABEL, START_LABEL = "goal", "start"  # labels that are taken where none is named
+BAND_DIGITS = 5  # of ends of bands and of probabilities
+MAX_TASK_BANDS = 64
+COUNTED_DRAWS, MIN_IN_BAND = 1 << 16, 100  # draws of a task's base distribution, and of a band at least
+CURVE_POINTS = 1025  # of the curve that they give
 Bands = int | Mapping[str, Range]
 Told = Callable[[JobResult, int, int], None]  # a task that is made, or failed; how many of how many are over
 
@@ -98,8 +99,12 @@ def new_suite(
     ranges: Mapping[str, Range] = bands if isinstance(bands, Mapping) else {}
     n, seed, count = as_int("n", n), as_int("seed", seed), len(ranges) or as_int("bands", bands)
     bands = ranges or count
-    limits = ("specs", len(specs), 1, 999), ("n", n, 1, 10_000), ("seed", seed, 0, MAX_SEED), ("bands", count, 1, MOST)
-    for name, value, low, high in limits:
+    for name, value, low, high in (
+        ("specs", len(specs), 1, 999),
+        ("n", n, 1, 10_000),
+        ("seed", seed, 0, MAX_SEED),
+        ("bands", count, 1, MAX_TASK_BANDS),
+    ):
         if not low <= value <= high:
             raise RequestError(OUT_OF_RANGE(argument=name, value=value, wanted=f"from {low} to {high}"))
     _check_names({"suite": [out.resolve().name], "task": [name for name, _ in specs], "band": ranges})
@@ -107,7 +112,7 @@ def new_suite(
         rule, remedy = "overlap: starts in both would count twice", "let one end where the other begins"
         raise RequestError(OUT_OF_PLACE(option="the bands `{}` and `{}`".format(*both), rule=rule, remedy=remedy))
     plans = [one for name, path in specs for one in _tasks(name, path, success, start, bands)]
-    files = [MANIFEST, *(plan.file for plan in plans)]
+    files = [SUITE_JSON, *(plan.file for plan in plans)]
     for twice in [file for file in files if files.count(file) > 1][:1]:
         rule = "would be two files of the suite: a task of this name cannot be in it"
         raise RequestError(OUT_OF_PLACE(option=twice, rule=rule, remedy="rename its spec"))
@@ -125,8 +130,10 @@ def new_suite(
             task, data = ended.value
             put(task.scenes, data)
             ways[plan.back].append(task)
-        manifest = SuiteFile(name=out.resolve().name, digest=BLANK, seed=seed, n=n, tasks=ways[0], reversed=ways[1])
-        put(MANIFEST, manifest.dump())
+        manifest = SuiteFile(
+            name=out.resolve().name, digest=BLANK_DIGEST, seed=seed, n=n, tasks=ways[0], reversed=ways[1]
+        )
+        put(SUITE_JSON, manifest.dump())
     return SuiteFile.model_validate_json(manifest.dump())
 
 
@@ -138,11 +145,11 @@ def _tasks(name: str, path: Path, success: str | None, start: str | None, bands:
     for label in (success, start):
         if label is not None and label not in spec.labels:
             raise RequestError(UNKNOWN_LABEL(name=label, known=spec.labels))
-    begin = start or (START if START in spec.labels[:-1] or START in spec.labels[1:] else None)
+    begin = start or (START_LABEL if START_LABEL in spec.labels[:-1] or START_LABEL in spec.labels[1:] else None)
     goals = [label for label in spec.labels if label != begin]
-    goal = success or (GOAL if GOAL in goals else goals[0] if len(goals) == 1 else None)
+    goal = success or (GOAL_LABEL if GOAL_LABEL in goals else goals[0] if len(goals) == 1 else None)
     if goal is None:
-        raise RequestError(UNKNOWN_LABEL(name=GOAL, known=spec.labels))
+        raise RequestError(UNKNOWN_LABEL(name=GOAL_LABEL, known=spec.labels))
     instruction = spec.checked.title or name.replace("_", " ")
     forth = f"{source}require !{goal}" + (f" & {begin}" if begin else "") + "\n"
     plans = [TaskPlan(name, forth, instruction, goal, bands)]
@@ -173,23 +180,23 @@ class _MakeTask:
     def __call__(self, plan: TaskPlan) -> tuple[TaskData, bytes]:
         spec = Spec(replace(parse(plan.source, plan.name).checked, title=plan.instruction))
         curve, bounds = (
-            _Curve.drawn(spec, plan.success, self.seed, self.budget.seconds_left),
+            _Curve.from_draws(spec, plan.success, self.seed, self.budget.seconds_left),
             spec.bounds()[plan.success],
         )
         if not curve.ends[0] < curve.ends[1]:
             wanted = "a label whose phi differs between starts"
             raise RequestError(WRONG_VALUE(argument="success", value=f"`{plan.success}`", wanted=wanted))
         ranges = _ranges(plan.bands, self.log10p, curve, bounds)
-        if any(curve.between(low, high)[0] < FEW / COUNTED for _, low, high in ranges):
+        if any(curve.share_between(low, high)[0] < MIN_IN_BAND / COUNTED_DRAWS for _, low, high in ranges):
             found = rarity(spec, plan.success, seed=self.seed, timeout=self.budget.seconds_left)
             if any(one.kind is CUT_SHORT for one in found.warnings):  # bands do not depend on the clock
                 raise RequestError(NO_TIME_TO_CHECK())
-            curve = _Curve.rare(found.labels[0])
+            curve = _Curve.from_rarity(found.labels[0])
             ranges = _ranges(plan.bands, self.log10p, curve, bounds)
         bands: list[BandData] = []
         parts: list[SceneSet] = []
         for name, low, high in ranges:
-            share, error = curve.between(low, high)
+            share, error = curve.share_between(low, high)
             if not share > 0.0:
                 wanted = "in {:g}:{:g}, where starts are".format(*curve.ends)
                 raise RequestError(OUT_OF_RANGE(argument="bands", value=f"{name}={low:g}:{high:g}", wanted=wanted))
@@ -202,7 +209,7 @@ class _MakeTask:
             rare = np.log10(curve.share(part.phi[plan.success]).clip(min=curve.least))
             bands.append(
                 BandData(
-                    name=name, phi=(low, high), probability=_rounded(share), error=round(error, 4),
+                    name=name, phi=(low, high), probability=_round(share), error=round(error, 4),
                     log10p=[round(float(one), 4) + 0.0 for one in rare],
                     seeds=rng.integers(1 << 31, size=self.n).tolist(),
                 )
@@ -232,14 +239,14 @@ def _ranges(wanted: Bands, log10p: bool, curve: _Curve, bounds: tuple[float, flo
     """Name and ends of each band, in phi. An open end is where no scene is beyond."""
     first, last = math.floor(bounds[0] * 1e4) / 1e4, min(0.0, math.ceil(bounds[1] * 1e4) / 1e4)
     if isinstance(wanted, int):
-        edges = [first, *(curve.at(place / wanted) for place in range(1, wanted)), last]
+        edges = [first, *(curve.phi_at(place / wanted) for place in range(1, wanted)), last]
         return [(f"level{k + 1}", edges[-2 - k], edges[-1 - k]) for k in range(wanted)]
     found = []
     for name, one in wanted.items():
         low, high = one.low, one.high
         if log10p:
-            low, high = (None if end is None or end >= 0.0 else curve.at(10.0**end) for end in (low, high))
-        found.append((name, first if low is None else _rounded(low), last if high is None else _rounded(high)))
+            low, high = (None if end is None or end >= 0.0 else curve.phi_at(10.0**end) for end in (low, high))
+        found.append((name, first if low is None else _round(low), last if high is None else _round(high)))
     return found
 
 
@@ -257,17 +264,17 @@ class _Curve:
     draws: int = 0
 
     @staticmethod
-    def drawn(spec: Spec, label: str, seed: int, timeout: float) -> _Curve:
+    def from_draws(spec: Spec, label: str, seed: int, timeout: float) -> _Curve:
         """By counting draws."""
-        request = SampleRequest({}, COUNTED, seed=seed, spread="base", timeout=timeout, workers=1)
+        request = SampleRequest({}, COUNTED_DRAWS, seed=seed, spread="base", timeout=timeout, workers=1)
         values = np.sort(draw_scenes(spec, request).phi[label])
-        phi = np.unique(values[np.linspace(0, COUNTED - 1, PLACES).astype(int)])
-        below = np.searchsorted(values, phi, side="right") / COUNTED
-        above = 1.0 - np.searchsorted(values, phi, side="left") / COUNTED
-        return _Curve(phi, np.log10(below), np.log10(above), 0.0 * phi, (float(phi[0]), float(phi[-1])), COUNTED)
+        phi = np.unique(values[np.linspace(0, COUNTED_DRAWS - 1, CURVE_POINTS).astype(int)])
+        below = np.searchsorted(values, phi, side="right") / COUNTED_DRAWS
+        above = 1.0 - np.searchsorted(values, phi, side="left") / COUNTED_DRAWS
+        return _Curve(phi, np.log10(below), np.log10(above), 0.0 * phi, (float(phi[0]), float(phi[-1])), COUNTED_DRAWS)
 
     @staticmethod
-    def rare(one: LabelRarity) -> _Curve:
+    def from_rarity(one: LabelRarity) -> _Curve:
         """By splitting."""
         known = [(k.phi, k.below, k.above) for k in one.curve if k.below is not None and k.above is not None]
         below = np.array([low.log10 for _, low, _ in known if low is not None])
@@ -288,7 +295,7 @@ class _Curve:
         inner = np.where(below <= above, 10.0**below, 1.0 - 10.0**above)
         return np.where(phi <= self.ends[0], 0.0, np.where(phi >= self.ends[1], 1.0, inner))
 
-    def between(self, low: float, high: float) -> tuple[float, float]:
+    def share_between(self, low: float, high: float) -> tuple[float, float]:
         """P(low <= phi <= high), and half of a 95 % interval of its log10."""
         shares = self.share(np.array([low, high]))
         whole = float(shares[1] - shares[0])
@@ -297,11 +304,11 @@ class _Curve:
         errors = np.minimum(shares, 1.0 - shares) * np.interp([low, high], self.phi, self.errors)
         return whole, float(np.hypot(*errors)) / whole if whole > 0.0 else 0.0
 
-    def at(self, share: float) -> float:
+    def phi_at(self, share: float) -> float:
         """The phi that this share of the starts is at or below, rounded."""
         places = np.array([self.ends[0], *self.phi, self.ends[1]])
-        return _rounded(float(np.interp(share, np.maximum.accumulate(self.share(places)), places)))
+        return _round(float(np.interp(share, np.maximum.accumulate(self.share(places)), places)))
 
 
-def _rounded(value: float) -> float:
-    return float(f"{value:.{DIGITS}g}") + 0.0
+def _round(value: float) -> float:
+    return float(f"{value:.{BAND_DIGITS}g}") + 0.0

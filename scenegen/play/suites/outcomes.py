@@ -10,9 +10,8 @@ import contextlib
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
-from operator import not_
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field
 from pydantic_core import from_json
@@ -20,33 +19,12 @@ from pydantic_core import from_json
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import OTHER_REQUEST
 from scenegen.errors.worlds import NOT_A_SUITE
-from scenegen.play.suites.suite import Suite, SuiteModel, load_model
+from scenegen.learn.success.files import FileModel, OutcomesHeader, load_model
+from scenegen.play.suites.suite import Suite
 from scenegen.scenes.files import read_bytes
-from scenegen.scenes.sets import Sha256
-
-Instruction = Literal["own", "empty"]
 
 
-class OutcomesHeader(SuiteModel, extra="allow"):
-    """The first line: which suite, world and policy; `episodes` is the number of starts of the suite. `steps` and
-    `timeout`, in seconds, are the most that an episode had; `versions` those of scenegen and of the world's package;
-    old files have none of these. What else a program has put into a line stays there."""
-
-    format: Literal["scenegen/outcomes"] = "scenegen/outcomes"
-    version: Literal[1] = 1
-    suite: str
-    digest: Sha256
-    world: str
-    policy: str
-    instruction: Instruction = "own"
-    reverse: bool = False
-    episodes: Annotated[int, Field(ge=1)]
-    steps: int | None = Field(default=None, exclude_if=not_)
-    timeout: float | None = Field(default=None, exclude_if=not_)
-    versions: dict[str, str] | None = Field(default=None, exclude_if=not_)
-
-
-class EpisodeOutcome(SuiteModel, extra="allow"):
+class EpisodeOutcome(FileModel, extra="allow"):
     """Another line: `error` says why an episode counts as a failure that was none of the world's judgement."""
 
     episode: Annotated[int, Field(ge=0)]
@@ -117,7 +95,7 @@ def differences(one: OutcomesHeader, other: OutcomesHeader) -> dict[str, tuple[A
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
 
 
-def same_run(path: Path, found: OutcomesHeader, wanted: OutcomesHeader) -> None:
+def check_same_run(path: Path, found: OutcomesHeader, wanted: OutcomesHeader) -> None:
     """Raises RequestError where a file that is to be continued has outcomes of another run. What an old file does not
     say is not compared."""
     for name, (before, now) in differences(found, wanted).items():
@@ -128,9 +106,9 @@ def same_run(path: Path, found: OutcomesHeader, wanted: OutcomesHeader) -> None:
 def dump_outcomes(header: OutcomesHeader, episodes: Iterable[EpisodeOutcome]) -> bytes:
     """The bytes of a file, episodes in their order."""
     each: list[OutcomesHeader | EpisodeOutcome] = [header, *sorted(episodes, key=lambda one: one.episode)]
-    return b"".join(map(line_of, each))
+    return b"".join(map(dump_line, each))
 
 
-def line_of(one: OutcomesHeader | EpisodeOutcome) -> bytes:
+def dump_line(one: OutcomesHeader | EpisodeOutcome) -> bytes:
     """A line of the file."""
     return (json.dumps(one.model_dump(), ensure_ascii=False) + "\n").encode(errors="replace")

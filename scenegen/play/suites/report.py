@@ -16,16 +16,16 @@ from pathlib import Path
 from scenegen.errors import RequestError
 from scenegen.errors.files import WRONG_ENDING
 from scenegen.errors.requests import GIVEN_TWICE
+from scenegen.learn.success.statistics import PairedDifference, base_rate, required_unpaired_starts, wilson
 from scenegen.play.suites.outcomes import EpisodeOutcome, SuiteOutcomes, check_outcomes, differences, read_outcomes
-from scenegen.play.suites.statistics import PairedDifference, base_rate, needed_unpaired, wilson
 from scenegen.play.suites.suite import GradedStart, Suite
 from scenegen.scenes.files import write_whole
 from scenegen.validation import as_path
 
-OF_A_RUN = ("steps", "timeout", "world", "versions")  # what should not differ between runs that are compared
-POINTS = 0.05  # the difference whose episodes are counted
-PICTURE = (320, 240)
-STYLE = """
+RUN_FIELDS = ("steps", "timeout", "world", "versions")  # what should not differ between runs that are compared
+DIFFERENCE = 0.05  # the difference whose episodes are counted
+PICTURE_SIZE = (320, 240)
+PAGE_STYLE = """
 body { max-width: 70em; margin: 2em auto; padding: 0 1em; background: #faf9f6; color: #1e2126;
   font: 14px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif }
 h1 { font-size: 20px } h2 { font-size: 15px; margin: 2em 0 .3em }
@@ -72,7 +72,7 @@ def report_suite(
     head = (
         f'<meta charset="utf-8"><meta name="viewport" content="width=device-width"><title>{html.escape(title)}</title>'
     )
-    page = f'<!doctype html>\n<html lang="en"><head>{head}<style>{STYLE}</style></head><body>{body}</body></html>\n'
+    page = f'<!doctype html>\n<html lang="en"><head>{head}</head><body>{body}</body></html>\n'
     write_whole(out, page.encode())
     return out
 
@@ -82,7 +82,7 @@ def _names(read: Sequence[SuiteOutcomes], files: Sequence[Path]) -> list[str]:
     those that are then called alike, what tells them apart. Raises RequestError for a file that is given twice."""
     headers = [one.header for one in read]
     words = [["reversed"] * one.reverse + ["no instruction"] * (one.instruction == "empty") for one in headers]
-    details = [[_of_run(field, getattr(one, field)) for one in headers] for field in (*OF_A_RUN, "policy")]
+    details = [[_run_text(field, getattr(one, field)) for one in headers] for field in (*RUN_FIELDS, "policy")]
     for detail in (*details, [path.name for path in files], [str(path) for path in files], [""] * len(files)):
         policies = [re.split(r"[/\\]", one.policy.rstrip("/"))[-1] for one in headers]
         names = [f"{one} ({', '.join(how)})" if how else one for one, how in zip(policies, words, strict=True)]
@@ -95,8 +95,8 @@ def _names(read: Sequence[SuiteOutcomes], files: Sequence[Path]) -> list[str]:
     return names
 
 
-def _of_run(field: str, value: object) -> str:
-    """What a header says in a field of OF_A_RUN."""
+def _run_text(field: str, value: object) -> str:
+    """What a header says in a field of RUN_FIELDS."""
     if isinstance(value, dict):
         return ", ".join(f"{name} {version}" for name, version in value.items())
     return f"{field} {'not recorded' if value is None else value}"
@@ -120,7 +120,7 @@ def _share(some: Sequence[EpisodeOutcome]) -> str:
     if not some:
         return "-"
     hits, n = sum(one.success for one in some), len(some)
-    return f"{_said(hits / n, *wilson(hits / n, n))}, {hits} of {n}"
+    return f"{_with_interval(hits / n, *wilson(hits / n, n))}, {hits} of {n}"
 
 
 def _base(outcomes: SuiteOutcomes, suite: Suite) -> str:
@@ -131,14 +131,14 @@ def _base(outcomes: SuiteOutcomes, suite: Suite) -> str:
     each = [[done for number, done in success.items() if number % len(cells) == place] for place in range(len(cells))]
     weights = [band.probability / len(suite.tasks) for _, band in cells]
     errors = [band.error for _, band in cells]
-    return _said(*base_rate([sum(some) for some in each], [len(some) for some in each], weights, errors))
+    return _with_interval(*base_rate([sum(some) for some in each], [len(some) for some in each], weights, errors))
 
 
-def _said(share: float, low: float, high: float) -> str:
+def _with_interval(share: float, low: float, high: float) -> str:
     return f"{100 * share:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
 
 
-def compared(one: SuiteOutcomes, other: SuiteOutcomes) -> PairedDifference:
+def compare_outcomes(one: SuiteOutcomes, other: SuiteOutcomes) -> PairedDifference:
     """Two policies on the starts that both were run on."""
     first, second = one.success, other.success
     both = first.keys() & second.keys()
@@ -149,20 +149,22 @@ def compared(one: SuiteOutcomes, other: SuiteOutcomes) -> PairedDifference:
 def _differences(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
     rows = []
     for one, other in combinations(read, 2):
-        found = compared(one, other)
+        found = compare_outcomes(one, other)
         if one.header.reverse != other.header.reverse or not found.n:
             continue
         low, high = (f"{100 * end:+.1f}" for end in found.interval)
         unlike = differences(one.header, other.header)
-        words = [" and ".join(_of_run(name, value) for value in unlike[name]) for name in OF_A_RUN if name in unlike]
-        done = [*one.success.values(), *other.success.values()]
+        fields = [name for name in RUN_FIELDS if name in unlike]
+        words = [" and ".join(_run_text(name, value) for value in unlike[name]) for name in fields]
+        success = [*one.success.values(), *other.success.values()]
+        unpaired = required_unpaired_starts(sum(success) / len(success), DIFFERENCE)
         rows.append((
             f"{one.name} - {other.name}", f"{100 * found.difference:+.1f} points ({low} to {high})",
             f"{found.first} and {found.second} of {found.n}", f"{found.p:.2g}",
             ", but the runs differ: ".join(["yes" if found.p < 0.05 else "no", *words]),
-            f"{found.needed(POINTS):,} ({needed_unpaired(sum(done) / len(done), POINTS):,} on starts of their own)",
+            f"{found.required_starts(DIFFERENCE):,} ({unpaired:,} on starts of their own)",
         ))  # fmt: skip
-    head = ("", "difference", "one alone succeeds", "p", "told apart", f"episodes for {100 * POINTS:.0f} points")
+    head = ("", "difference", "one alone succeeds", "p", "told apart", f"episodes for {100 * DIFFERENCE:.0f} points")
     note = (
         "On the same starts: 95 % interval (Bonett and Price), McNemar's exact test, and how many episodes of each"
         " policy tell such a difference apart at 95 % with power 80 %."
@@ -217,7 +219,7 @@ def _pictures(worst: Sequence[tuple[GradedStart, int, int]], workers: int | None
     for start, failed, count in worst:
         with tempfile.TemporaryDirectory() as folder:
             some = start.task.scenes[[start.row]]
-            drawn = some.render(folder, views=("perspective",), size=PICTURE, workers=workers)
+            drawn = some.render(folder, views=("perspective",), size=PICTURE_SIZE, workers=workers)
             data = base64.b64encode(drawn.pictures[0].read_bytes()).decode()
         said = f"{start.task.name}, {start.band}, episode {start.number}: {failed} of {count} failed. "
         said = html.escape(said + start.task.instruction)

@@ -8,14 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import http.client
-import importlib.metadata
-import importlib.util
 import inspect
 import math
 import pickle
 import queue
 import secrets
-import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -27,29 +24,22 @@ from urllib.parse import urlsplit
 from scenegen.errors import RequestError, ScenegenError
 from scenegen.errors.files import UNFINISHED_RUN
 from scenegen.errors.program import PROCESS_DIED
-from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
+from scenegen.errors.requests import BAD_PLUGIN, OUT_OF_RANGE, UNKNOWN_CHOICE
 from scenegen.errors.worlds import WORLD_FAILS
+from scenegen.learn.success.files import Instruction, OutcomesHeader
 from scenegen.play.policy_server import decode, encode
-from scenegen.play.suites.outcomes import (
-    EpisodeOutcome,
-    Instruction,
-    OutcomesHeader,
-    dump_outcomes,
-    line_of,
-    read_outcomes,
-    same_run,
-)
+from scenegen.play.suites.loading import check_name, load_named, versions_of
+from scenegen.play.suites.outcomes import EpisodeOutcome, check_same_run, dump_line, dump_outcomes, read_outcomes
 from scenegen.play.suites.suite import GradedStart, Suite, SuiteTask
 from scenegen.processes.pool import check_workers
 from scenegen.processes.process import FAILED, GONE, WorkerMessage, WorkerProcess
-from scenegen.resources import __version__
 from scenegen.scenes.files import check_writable, report_write_errors, target, write_whole
 from scenegen.scenes.lock import lock_file
 from scenegen.validation import as_int, as_path, as_seconds, as_success
 
-SAID = 200  # characters of an error that outcomes keep
-START = 120.0  # seconds for a process to begin
-WAIT = 30.0  # seconds for a policy's server to come back, but at most half of those of an episode
+ERROR_LENGTH = 200  # characters of an error that outcomes keep
+PROCESS_START = 120.0  # seconds for a process to begin
+SERVER_WAIT = 30.0  # seconds for a policy's server to come back, but at most half of those of an episode
 Policy = Callable[[Any, str], Any]
 Told = Callable[[EpisodeOutcome, int, int], None]  # an outcome, how many of how many there are
 
@@ -71,24 +61,22 @@ def run_suite(
     """Run episodes of a suite, by default all, and write their outcomes to a file, which is returned.
 
     `world` names a function of a task that returns an environment, `policy` a function of observation and instruction,
-    a class, or a function of `env`, that makes one, or the URL of a server (scenegen/play/policy_server.py):
-    "module:name" or "file.py:name". An episode ends where the environment says so, at success, or after so many steps;
-    `timeout`, in seconds, kills one that hangs. `resume` goes on with a file. Raises RequestError, DataError,
-    OutputError, and ScenegenError where world or policy cannot be had at all.
+    a class, or a function of `env`, that makes one: "module:name" or "file.py:name", or a name such as "table" (see
+    loading.py); a policy may also be the URL of a server (scenegen/play/policy_server.py). An episode ends where the
+    environment says so, at success, or after so many steps; `timeout`, in seconds, kills one that hangs. `resume` goes
+    on with a file. Raises RequestError, DataError, OutputError, and ScenegenError where world or policy cannot be had
+    at all.
     """
     out, timeout, steps = as_path("out", out), as_seconds("timeout", timeout), as_int("steps", steps)
     if steps < 1:
         raise RequestError(OUT_OF_RANGE(argument="steps", value=steps, wanted="1 or more"))
     if instruction not in get_args(Instruction):
         raise RequestError(UNKNOWN_CHOICE(what="instruction", name=instruction, known=get_args(Instruction)))
-    for argument, text in (("world", world), ("policy", policy)):
-        where, _, name = text.rpartition(":")
-        if not (where and name.isidentifier()) and not (argument == "policy" and text.startswith("http://")):
-            forms = "MODULE:NAME or FILE.py:NAME" + (", or http://HOST:PORT" if argument == "policy" else "")
-            raise RequestError(WRONG_VALUE(argument=argument, value=f"`{text}`", wanted=forms))
+    check_name("world", world)
+    check_name("policy", policy)
     header = OutcomesHeader(
         suite=suite.name, digest=suite.digest, world=world, policy=policy, instruction=instruction,
-        reverse=suite.reverse, episodes=len(suite), steps=steps, timeout=timeout, versions=_versions(world),
+        reverse=suite.reverse, episodes=len(suite), steps=steps, timeout=timeout, versions=versions_of(world),
     )  # fmt: skip
     check_writable(out)
     whole = target(out)
@@ -97,7 +85,7 @@ def run_suite(
         if out.exists() and (before := read_outcomes(out, suite)).episodes:
             if not resume:
                 raise RequestError(UNFINISHED_RUN(folder=out, outcomes=len(before.episodes)))
-            same_run(out, before.header, header)
+            check_same_run(out, before.header, header)
             header, found = before.header, list(before.episodes)
         there = {one.episode for one in found}
         wanted = [suite[number] for number in episodes or range(len(suite)) if number not in there]
@@ -105,8 +93,8 @@ def run_suite(
         write_whole(out, dump_outcomes(header, found))
         job = Player(suite.folder, suite.reverse, world, policy, instruction == "empty", steps, timeout / 2.0)
         with report_write_errors(out), out.open("ab") as file:
-            for done, outcome in enumerate(_played(job, suite, todo, check_workers(workers), timeout), 1):
-                file.write(line_of(outcome))
+            for done, outcome in enumerate(_play_all(job, suite, todo, check_workers(workers), timeout), 1):
+                file.write(dump_line(outcome))
                 file.flush()
                 found.append(outcome)
                 told(outcome, done, len(wanted))
@@ -114,35 +102,25 @@ def run_suite(
     return out
 
 
-def _versions(world: str) -> dict[str, str]:
-    """That of scenegen, and that of the package which a world is imported from; scenegen's own need robosuite."""
-    package = world.rpartition(":")[0].partition(".")[0]
-    found = {"scenegen": __version__}
-    if not world.rpartition(":")[0].endswith(".py"):
-        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-            package = "robosuite" if package == "scenegen" else package
-            found[package] = importlib.metadata.version(package)
-    return found
-
-
-def _played(job: Player, suite: Suite, todo: deque[int], workers: int, timeout: float) -> Iterator[EpisodeOutcome]:
+def _play_all(job: Player, suite: Suite, todo: deque[int], workers: int, timeout: float) -> Iterator[EpisodeOutcome]:
     """The outcomes of some episodes, as they come; those of processes that die, too."""
     data = pickle.dumps(job)
     inbox: queue.SimpleQueue[WorkerMessage] = queue.SimpleQueue()
     turns: dict[WorkerProcess, int | None] = {}  # what each does
     until: dict[WorkerProcess, float] = {}
 
-    def lost(worker: WorkerProcess, why: str) -> EpisodeOutcome:
-        said, number = worker.end(), turns.pop(worker)
+    def fail(worker: WorkerProcess, why: str) -> EpisodeOutcome:
+        output, number = worker.end(), turns.pop(worker)
         if number is None:
-            raise ScenegenError(PROCESS_DIED(what="a policy's process", how=why, remedy="run it by itself", said=said))
+            remedy = "run it by itself"
+            raise ScenegenError(PROCESS_DIED(what="a policy's process", how=why, remedy=remedy, said=output))
         return _outcome(suite[number], False, 0, f"its process {why}")
 
     try:
         while todo or any(number is not None for number in turns.values()):
             while len(turns) < workers and len(todo) > sum(number is None for number in turns.values()):
                 worker = WorkerProcess("a policy's process", data, inbox)
-                turns[worker], until[worker] = None, time.monotonic() + START
+                turns[worker], until[worker] = None, time.monotonic() + PROCESS_START
             for worker, number in turns.items():
                 if worker.ready and number is None and todo:
                     turns[worker], until[worker] = todo.popleft(), time.monotonic() + timeout
@@ -152,14 +130,14 @@ def _played(job: Player, suite: Suite, todo: deque[int], workers: int, timeout: 
                 message = inbox.get(timeout=max(0.0, min(until[worker] for worker in waiting) - time.monotonic()))
             except queue.Empty:
                 late = [worker for worker in waiting if until[worker] <= time.monotonic()]
-                yield from [lost(worker, f"took more than {timeout:g} s") for worker in late]
+                yield from [fail(worker, f"took more than {timeout:g} s") for worker in late]
                 continue
             worker = message.worker
             if worker not in turns:
                 continue  # it was late
             if message.status == GONE:
                 status = worker.process.wait()
-                yield lost(worker, f"ended with status {status}" if status >= 0 else f"was killed by signal {-status}")
+                yield fail(worker, f"ended with status {status}" if status >= 0 else f"was killed by signal {-status}")
             elif message.status == FAILED:
                 raise message.value
             elif message.ready:
@@ -172,9 +150,9 @@ def _played(job: Player, suite: Suite, todo: deque[int], workers: int, timeout: 
             worker.end()
 
 
-def _said(error: Exception) -> str:
+def _error_line(error: Exception) -> str:
     """What an error says, on one line."""
-    return f"{type(error).__name__}: {error}".splitlines()[0][:SAID]
+    return f"{type(error).__name__}: {error}".splitlines()[0][:ERROR_LENGTH]
 
 
 def _outcome(start: GradedStart, success: bool, steps: int, error: str | None = None) -> EpisodeOutcome:
@@ -211,7 +189,7 @@ class Player:
             raise
         except Exception as error:
             self._drop()  # nobody knows what state they are in
-            return _outcome(start, False, self.steps, _said(error))
+            return _outcome(start, False, self.steps, _error_line(error))
         return _outcome(start, success, self.steps)
 
     def _prepare(self, task: SuiteTask) -> None:
@@ -219,11 +197,13 @@ class Player:
         self._drop()
         what, name = "the world", self.world
         try:
-            self.env = named(self.world)(task)
+            self.env = load_named("world", self.world)(task)
             what, name = "the policy", self.policy
-            self.act = policy_of(self.policy, self.env, self.wait)
+            self.act = load_policy(self.policy, self.env, self.wait)
         except Exception as error:
-            reason = _said(error)
+            if isinstance(error, RequestError) and error.diagnostics[0].kind == BAD_PLUGIN:
+                raise
+            reason = _error_line(error)
             raise ScenegenError(WORLD_FAILS(what=what, name=name, how="cannot be made", reason=reason)) from error
         self.task = task
 
@@ -237,50 +217,39 @@ class Player:
         observation, info = self.env.reset(seed=start.seed, options={"start": start})
         if hasattr(self.act, "reset"):
             self.act.reset(start.seed)
-        over, success = False, as_success(self.world, {"success": None, **info}, "success")
-        while not (over or success) and self.steps < self.most:
+        ended, success = False, as_success(self.world, {"success": None, **info}, "success")
+        while not (ended or success) and self.steps < self.most:
             action = self.act(observation, "" if self.empty else start.task.instruction)
             self.steps += 1
             observation, _, terminated, truncated, info = self.env.step(action)
-            over, success = bool(terminated or truncated), as_success(self.world, info, "success")
+            ended, success = bool(terminated or truncated), as_success(self.world, info, "success")
         return success
 
 
-def named(text: str) -> Any:
-    """What "module:name" or "file.py:name" names. Raises what the import raises."""
-    where, _, name = text.rpartition(":")
-    if not where.endswith(".py"):
-        return getattr(importlib.import_module(where), name)
-    key = str(Path(where).resolve())  # no name of another module
-    if key not in sys.modules:
-        spec = importlib.util.spec_from_file_location(key, key)
-        assert spec is not None and spec.loader is not None
-        sys.modules[key] = module = importlib.util.module_from_spec(spec)
-        sys.path.append(str(Path(key).parent))  # for modules of the same folder
-        spec.loader.exec_module(module)
-    return getattr(sys.modules[key], name)
-
-
-def policy_of(text: str, env: Any, wait: float = math.inf) -> Policy:
+def load_policy(text: str, env: Any, wait: float = math.inf) -> Policy:
     """A policy by its name or URL: classes, and functions of `env` alone, make it. Raises what they raise."""
     if text.startswith("http://"):
         return RemotePolicy(text, wait)
-    found: Any = named(text)
-    wanted = list(inspect.signature(found).parameters)
-    if isinstance(found, type) or wanted == ["env"]:
-        found = found(env) if "env" in wanted else found()
-    made: Policy = found
-    return made
+    return make_policy(load_named("policy", text), env)
+
+
+def make_policy(policy: Any, env: Any) -> Policy:
+    """A policy as it is, or made: by a class, or by a function of `env` alone."""
+    parameters = list(inspect.signature(policy).parameters)
+    if isinstance(policy, type) or parameters == ["env"]:
+        policy = policy(env) if "env" in parameters else policy()
+    acting: Policy = policy
+    return acting
 
 
 class RemotePolicy:
-    """A policy behind a server (scenegen/play/policy_server.py). `reset` waits WAIT seconds, or `most` if that is
-    less, for one that is restarted, and `most` for its answer. Raises ScenegenError where none comes, and where the
+    """A policy behind a server (scenegen/play/policy_server.py). `reset` waits SERVER_WAIT seconds, or `most` if that
+    is less, for one that is restarted, and `most` for its answer. Raises ScenegenError where none comes, and where the
     server is in an episode of another client."""
 
     def __init__(self, url: str, most: float = math.inf) -> None:
         where = urlsplit(url)
-        self._url, self._path, self._most, self._wait = url, where.path.rstrip("/"), most, min(WAIT, most)
+        self._url, self._path, self._most, self._wait = url, where.path.rstrip("/"), most, min(SERVER_WAIT, most)
         self._link, self._me = http.client.HTTPConnection(where.netloc, timeout=self._wait), secrets.token_hex(8)
 
     def reset(self, seed: int) -> None:
@@ -291,7 +260,7 @@ class RemotePolicy:
                 return
             except (OSError, http.client.HTTPException) as error:
                 if time.monotonic() > until:
-                    raise self._failed("does not answer", str(error) or type(error).__name__) from error
+                    raise self._failure("does not answer", str(error) or type(error).__name__) from error
                 time.sleep(0.2)
 
     def __call__(self, observation: Any, instruction: str) -> Any:
@@ -313,10 +282,10 @@ class RemotePolicy:
             self._link.close()  # the next request opens it again
             raise
         if "busy" in answer:
-            raise self._failed("serves another client", answer["busy"])
+            raise self._failure("serves another client", answer["busy"])
         if "error" in answer:
             raise RuntimeError(answer["error"])
         return answer
 
-    def _failed(self, how: str, reason: str) -> ScenegenError:
+    def _failure(self, how: str, reason: str) -> ScenegenError:
         return ScenegenError(WORLD_FAILS(what="the policy", name=self._url, how=how, reason=reason))

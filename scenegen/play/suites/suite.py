@@ -13,9 +13,9 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from operator import itemgetter, not_
 from pathlib import Path
-from typing import Annotated, Literal, Self, TypeVar
+from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+from pydantic import AfterValidator, Field, FiniteFloat, model_validator
 
 from scenegen.api.reading import read_scenes
 from scenegen.api.scene_arrays import rows_of
@@ -25,17 +25,16 @@ from scenegen.arrays import Array
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE
 from scenegen.errors.worlds import NOT_A_SUITE
+from scenegen.learn.success.files import FileModel, dump_with_digest, load_with_digest
 from scenegen.resources import shipped_suites
 from scenegen.scenes.arrange import check_scenes
 from scenegen.scenes.files import inside, read_bytes
 from scenegen.scenes.sets import Seed, Sha256
 from scenegen.validation import as_int, as_path
 
-MANIFEST = "suite.json"
-BLANK = "0" * 64  # what the digest is computed with in its own place
+SUITE_JSON = "suite.json"
 NAME_PATTERN = r"[^\x00-\x1f\x7f-\x9f\u2028\u2029/\\]{1,200}"  # part of a file's name, and of lines
 Name = Annotated[str, Field(pattern=f"^{NAME_PATTERN}$")]
-Model = TypeVar("Model", bound=BaseModel)
 
 
 def overlapping(ranges: Iterable[tuple[str, float, float]]) -> tuple[str, str] | None:
@@ -44,13 +43,7 @@ def overlapping(ranges: Iterable[tuple[str, float, float]]) -> tuple[str, str] |
     return next(((one[0], other[0]) for one, other in pairwise(ordered) if other[1] < one[2]), None)
 
 
-class SuiteModel(BaseModel):
-    """A part of a suite's files."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, defer_build=True)
-
-
-class BandData(SuiteModel):
+class BandData(FileModel):
     """A band of difficulty: phi of the success label from the first to the second, and its `probability` among the
     starts that the task's spec allows; `error` is half of a 95 % interval of its log10. Of each start `log10p`, log10
     of the share of these starts that is at least as hard, and a seed for what else is random in its episode."""
@@ -63,7 +56,7 @@ class BandData(SuiteModel):
     seeds: list[Seed]
 
 
-class TaskData(SuiteModel):
+class TaskData(FileModel):
     """A task: `scenes` is its scenes file, band after band; its spec is that of the file, and `success` is the label
     whose phi >= 0 is success."""
 
@@ -75,7 +68,7 @@ class TaskData(SuiteModel):
     bands: Annotated[list[BandData], Field(min_length=1)]
 
 
-class SuiteFile(SuiteModel):
+class SuiteFile(FileModel):
     """suite.json. `digest` is the SHA-256 of this file with 64 zeros in its place; the file has those of all others.
     `reversed` are the tasks whose start is the goal of another one, and whose goal is its start."""
 
@@ -111,34 +104,6 @@ class SuiteFile(SuiteModel):
         return dump_with_digest(self)
 
 
-def dump_with_digest(model: BaseModel) -> bytes:
-    """A model as JSON, its field `digest` the SHA-256 of these bytes with BLANK in its place."""
-    text = model.model_copy(update={"digest": BLANK}).model_dump_json(indent=1).encode() + b"\n"
-    return text.replace(BLANK.encode(), hashlib.sha256(text).hexdigest().encode(), 1)
-
-
-def load_model(model: type[Model], data: bytes, file: Path | str, what: str) -> Model:
-    """What some bytes of JSON hold. Raises DataError; `what` says what was expected of the file."""
-    try:
-        return model.model_validate_json(data)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where, said = ".".join(map(str, first["loc"])), first["msg"].removeprefix("Value error, ")
-        said = said[:1].lower() + said[1:]
-        reason = f"`{where}`: {said}" if where else said
-        raise DataError(NOT_A_SUITE(file=file, what=what, reason=reason)) from None
-
-
-def load_with_digest(model: type[Model], path: Path, role: str, what: str) -> Model:
-    """What a file holds that `dump_with_digest` wrote. Raises DataError, also for bytes that are not those."""
-    data = read_bytes(path, role)
-    found = load_model(model, data, path, what)
-    digest: str = vars(found)["digest"]
-    if hashlib.sha256(data.replace(digest.encode(), BLANK.encode(), 1)).hexdigest() != digest:
-        raise DataError(NOT_A_SUITE(file=path, what=what, reason="it does not have the digest that it says"))
-    return found
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class SuiteTask:
     """A task of a suite. What its spec requires holds at every start; success is phi >= 0 of the label `success`.
@@ -151,6 +116,17 @@ class SuiteTask:
     bands: tuple[BandData, ...]
     scenes: SceneSet = field(repr=False)
     poses: Array = field(repr=False)
+
+    def start(self, row: int, number: int) -> GradedStart:
+        """The start in a row of the scenes, as start `number` of a suite."""
+        which, place = divmod(row, len(self.scenes) // len(self.bands))
+        band = self.bands[which]
+        phi = {label: float(values[row]) for label, values in self.scenes.phi.items()}
+        on = None if self.scenes.on is None else self.scenes.on[row]
+        return GradedStart(
+            number, self, band.name, self.poses[row], phi, band.log10p[place], band.probability, band.seeds[place],
+            row, on,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -215,13 +191,7 @@ class Suite:
             raise IndexError(number)
         which, cell = divmod(number, len(cells))
         task, band = cells[cell]
-        row = [one.name for one in task.bands].index(band.name) * self.n + which
-        phi = {label: float(values[row]) for label, values in task.scenes.phi.items()}
-        on = None if task.scenes.on is None else task.scenes.on[row]
-        return GradedStart(
-            number, task, band.name, task.poses[row], phi, band.log10p[which], band.probability, band.seeds[which],
-            row, on,
-        )  # fmt: skip
+        return task.start(task.bands.index(band) * self.n + which, number)
 
     def part(self, first: int = 0, end: int | None = None, bands: Collection[str] | None = None) -> list[int]:
         """The numbers of the starts from `first` up to, not including, `end`, or of those of some bands. Raises
@@ -246,11 +216,11 @@ def find_suite(folder: str | Path) -> Path:
 def read_manifest(folder: Path) -> SuiteFile:
     """suite.json of a folder. Raises DataError, also for bytes without their digest and for other files than it
     says."""
-    file = load_with_digest(SuiteFile, folder / MANIFEST, "a suite", "a suite")
+    file = load_with_digest(SuiteFile, folder / SUITE_JSON, "a suite", "a suite")
     for task in (*file.tasks, *file.reversed):
         scenes = folder / task.scenes
         if hashlib.sha256(read_bytes(scenes, "a scenes file of the suite")).hexdigest() != task.sha256:
-            reason = f"it does not have the checksum that {MANIFEST} says"
+            reason = f"it does not have the checksum that {SUITE_JSON} says"
             raise DataError(NOT_A_SUITE(file=scenes, what="that of the suite", reason=reason))
     return file
 

@@ -16,11 +16,12 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 import scenegen
-from scenegen.curriculum import MotionTable, PhiBox, TableTop, TableTopVector
+from scenegen.curriculum import PhiBox, TableTop, TableTopVector
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_SCENES, NO_TIME_TO_CHECK
-from scenegen.play.environments.library import SECONDS, SHORTLY, Sampler, forget
+from scenegen.play.environments.library import DRAW_PATIENCE, Sampler, forget
 from scenegen.play.environments.request import PhiRanges
+from scenegen.play.environments.stream import SHORT_PATIENCE
 from scenegen.play.strategies import strategy
 from scenegen.sampling.request import Range
 
@@ -345,7 +346,7 @@ def test_where_the_nearest_will_do_there_is_always_a_scene(text, monkeypatch):
     env.reset(seed=0)
     waited = []
 
-    def no_time(self, ranges, n, seed, spread="flat", patience=SECONDS):
+    def no_time(self, ranges, n, seed, spread="flat", patience=DRAW_PATIENCE):
         waited.append(patience)
         raise RequestError(NO_SCENES())
 
@@ -357,7 +358,7 @@ def test_where_the_nearest_will_do_there_is_always_a_scene(text, monkeypatch):
         _, info = env.reset(options={"phi": box, "nearest": True})
         phi = np.array([info["phi"][label] for label in env.rules.target.names[: len(low)]])
         away.append(np.maximum(np.maximum(box.low - phi, phi - box.high), 0.0) / (high - low))
-    assert np.max(away) < 0.25 and len(waited) < 20 and set(waited) == {SHORTLY}
+    assert np.max(away) < 0.25 and len(waited) < 20 and set(waited) == {SHORT_PATIENCE}
     with pytest.raises(error.InvalidBound, match=r"\[no-scenes\]"):
         for _ in range(400):
             env.reset(options={"phi": box})
@@ -461,13 +462,14 @@ def test_scenes_of_a_file_start_episodes(tmp_path):
     assert all(-0.3 <= phi <= -0.1 for phi in found)
 
 
-MOTION = "scenegen.curriculum:scenegen/Motion-v0"
 SCENE = {"mug": (0.3, 0.5, 0.0), "plate": (0.6, 0.5, 0.0)}
 
 
 @pytest.mark.long
 def test_pictures_follow_the_scene():
     env = TableTop(LEFT, render_mode="rgb_array", view="top", size=(96, 64), step=0.3)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.render()
     env.reset(options={"scene": SCENE})
     first = env.render()
     assert first.shape == (64, 96, 3) and first.dtype == np.uint8 and len(np.unique(first.reshape(-1, 3), axis=0)) > 20
@@ -499,30 +501,3 @@ def test_pictures_of_many_tables():
     one, other = envs.render()
     assert (one != other).any()
     envs.close()
-
-
-@pytest.mark.long
-def test_pictures_follow_a_motion():
-    spec = """object mug, plate at (0.75, 0.5)
-time [0, 2 s] every 0.5 s
-require speed(mug) <= 40 cm/s
-task: finally leftOf(mug, plate)"""
-    env = gymnasium.make(MOTION, spec=spec, render_mode="rgb_array", view="top", size=(96, 64))
-    assert env.metadata["render_fps"] == 2.0
-    with pytest.raises(gymnasium.error.ResetNeeded):
-        env.unwrapped.render()
-    env.reset(options={"scene": {"mug": (0.1, 0.5, 0.0)}})
-    pictures = [env.render()]
-    for action in (1, 0, 1):  # x +, wait, x +
-        env.step(action)
-        pictures.append(env.render())
-    first, moved, waited, again = pictures
-    assert first.shape == (64, 96, 3)
-    np.testing.assert_array_equal(moved, waited)
-    for one, other in ((first, moved), (moved, again)):
-        changed = np.flatnonzero((one != other).any(axis=2).any(axis=0))
-        assert len(changed) > 0 and changed.max() < 60  # the plate stays where it is
-    env.close()
-    env.close()
-    MotionTable(spec).close()
-    assert MotionTable(spec).render() is None

@@ -1,11 +1,7 @@
-"""The batched environment does what as many single ones do, step for step and in every mode of autoreset. The batched
-environment over time does what as many single ones do, to the bit, in every mode of autoreset. The adapter to
-Stable-Baselines3 says what the environment under it says.
-"""
+"""The batched environment does what as many single ones do, step for step and in every mode of autoreset; the adapter
+to Stable-Baselines3 says what the environment under it says."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import gymnasium
 import numpy as np
@@ -14,10 +10,8 @@ from gymnasium import error
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3.common.vec_env import VecMonitor
 
-import scenegen
-from scenegen.curriculum import Curriculum, MotionTable, MotionVector, TableTopVector, VectorCurriculum
+from scenegen.curriculum import TableTopVector
 from scenegen.play.environments.sb3 import SB3Vector
-from scenegen.play.strategies import strategy
 
 SPECS = {
     "plain": "leftOf(mug, plate)",
@@ -114,209 +108,6 @@ def test_what_was_handed_out_stays_as_it_is():
         envs.step([1, 1, 1])
     np.testing.assert_array_equal(seen, kept)
     np.testing.assert_array_equal(infos["phi"]["task"], phi)
-
-
-NAME = "scenegen.curriculum:scenegen/Motion-v0"
-TABLES = 5
-CARRY = """object mug, plate at (0.5, 0.5)
-time 4 steps
-require speed(mug) <= 20 cm/s
-require noOverlap()
-task: (eventually closeTo(mug, plate, 25 cm)) & (finally farFrom(mug, plate, 35 cm))
-calm: always farFrom(mug, plate, 10 cm)
-"""
-ALL = """object mug, knife
-time [0, 2.5 s] every 0.5 s
-moves all
-require speed(mug) <= 40 cm/s & speed(knife) <= 20 cm/s & spin(knife) <= 60 deg/s
-task: (next rightOf(mug, knife)) & (!facing(knife, mug) until[0, 1 s] closeTo(mug, knife, 30 cm))
-"""
-PAIR = """object mug, cup
-time 5 steps
-moves one
-require speed(mug) <= 15 cm/s & speed(cup) <= 25 cm/s & spin(cup) <= 90 deg/s
-require farFrom(mug, cup, 15 cm)
-order: (closeTo(mug, (0.8, 0.5), 30 cm)) until_with[1, 4] (angle(cup, NORTH, 60 deg) | still(mug))
-"""
-STUCK = """object mug, plate at (0.5, 0.5)
-time 5 steps
-require speed(mug) <= 20 cm/s & displacement(mug) >= 4 cm
-require farFrom(mug, plate, 20 cm)
-task: finally closeTo(mug, plate, 25 cm)
-"""
-MOTIONS = {"carry": CARRY, "all": ALL, "pair": PAIR, "stuck": STUCK}
-
-
-def source(text: str, count: int = 40) -> Any:
-    return scenegen.sample_motions(scenegen.parse(text), None, count, seed=2, spread="base")
-
-
-def same_motion_vector(one: Any, other: Any, path: str = "info") -> None:
-    """Both hold the same, to the bit."""
-    if isinstance(one, dict):
-        assert set(one) == set(other), path
-        for key in one:
-            same_motion_vector(one[key], other[key], f"{path}.{key}")
-    elif isinstance(one, np.ndarray) and one.dtype == object:
-        assert [value is None for value in one] == [value is None for value in other], path
-        for a, b in zip(one, other, strict=True):
-            if a is not None:
-                same_motion_vector(a, b, path)
-    else:
-        assert np.asarray(one).dtype == np.asarray(other).dtype, path
-        np.testing.assert_array_equal(one, other, err_msg=path)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("mode", list(AutoresetMode), ids=lambda mode: mode.value)
-@pytest.mark.parametrize(
-    ("name", "moves", "reward", "limit"),
-    [
-        ("carry", "grid", "gain", None),
-        ("carry", "continuous", "final", 3),
-        ("all", "continuous", "gain", None),
-        ("all", "grid", "final", None),
-        ("pair", "continuous", "gain", 4),
-        ("stuck", "grid", "gain", None),
-    ],
-)
-def test_it_is_as_single_ones_motion_vector(
-    name: str, moves: str, reward: str, limit: int | None, mode: AutoresetMode
-) -> None:
-    settings = {
-        "spec": MOTIONS[name], "moves": moves, "reward": reward,
-        "source": source(MOTIONS[name]), "phi": (None, None),
-    }  # fmt: skip
-    more = {} if limit is None else {"max_episode_steps": limit}
-    many = gymnasium.make_vec(NAME, num_envs=TABLES, autoreset_mode=mode, **more, **settings)
-    assert isinstance(many.unwrapped, MotionVector)
-    single = SyncVectorEnv([lambda: gymnasium.make(NAME, **more, **settings)] * TABLES, autoreset_mode=mode)
-    assert many.single_action_space == single.single_action_space
-    assert many.observation_space == single.observation_space
-    same_motion_vector(dict(enumerate(many.reset(seed=3))), dict(enumerate(single.reset(seed=3))))
-    many.action_space.seed(0)
-    ended, moments, flags = 0, set(), dict.fromkeys(("blocked", "violated", "is_success"), 0)
-    for _ in range(40):
-        actions = many.action_space.sample()
-        ours, theirs = many.step(actions), single.step(actions)
-        same_motion_vector(dict(enumerate(ours)), dict(enumerate(theirs)))
-        for number in range(TABLES):
-            same_motion_vector(many.unwrapped.motion(number), single.envs[number].unwrapped.motion)
-        over = ours[2] | ours[3]
-        ended += int(over.sum())
-        moments.add(tuple(ours[4]["moment"].tolist()))
-        for flag in flags:
-            last = ours[4]["final_info"] if "final_info" in ours[4] else ours[4]
-            flags[flag] += int(last[flag].sum())
-        if mode is AutoresetMode.DISABLED and over.any():
-            ours = many.reset(options={"reset_mask": over.copy()})
-            theirs = single.reset(options={"reset_mask": over.copy()})
-            same_motion_vector(dict(enumerate(ours)), dict(enumerate(theirs)))
-    assert ended > TABLES and len(moments) >= 3
-    if name == "stuck":
-        assert flags["blocked"] and flags["violated"]
-    if name in ("all", "stuck"):
-        assert any(len(set(one)) > 1 for one in moments), "no motion has ended before the others"
-
-
-def test_options_and_given_scenes() -> None:
-    motions = source(CARRY)
-    many = MotionVector(3, CARRY, source=motions)
-    single = SyncVectorEnv([lambda: MotionTable(CARRY, source=motions)] * 3)
-    for options in (
-        {"phi": {"task": (-0.5, 0.0)}},
-        {"phi": (5.0, 6.0), "nearest": True},
-        {"scene": {"mug": (0.3, 0.4, 0.0)}},
-    ):
-        same_motion_vector(dict(enumerate(many.reset(seed=[4, 9, 1], options=options))),
-             dict(enumerate(single.reset(seed=[4, 9, 1], options=options))))  # fmt: skip
-    kept = many.reset(seed=1)[0].copy()
-    with pytest.raises(error.InvalidBound, match="no-start-in-file"):
-        many.reset(options={"phi": (5.0, 6.0)})
-    with pytest.raises(error.Error, match="unknown-choice"):
-        many.reset(options={"fi": (5.0, 6.0)})
-    same_motion_vector(many.episodes.seen(), kept)
-
-
-def test_what_is_refused() -> None:
-    with pytest.raises(error.Error, match="not-over-time"):
-        MotionVector(2, "leftOf(mug, plate)")
-    with pytest.raises(error.Error, match="unknown-choice"):
-        MotionVector(2, CARRY, autoreset_mode="Sometimes")
-    for wrong in (0, -1, 2.5, "two"):
-        with pytest.raises(error.Error):
-            MotionVector(wrong, CARRY)  # type: ignore[arg-type]
-    many = MotionVector(2, CARRY, source=source(CARRY, 4), phi=(None, None), autoreset_mode="Disabled")
-    with pytest.raises(error.ResetNeeded):
-        many.step([0, 0])
-    with pytest.raises(error.Error, match="wrong-value"):
-        many.reset(seed="one")  # type: ignore[arg-type]
-    many.reset(seed=0)
-    for actions in ([0], [0, 9], [0.5, 0.5], None):
-        with pytest.raises(error.InvalidAction):
-            many.step(actions)
-    with pytest.raises(error.ResetNeeded):
-        for _ in range(5):
-            many.step([0, 0])
-
-
-def test_what_was_returned_stays_as_it_is() -> None:
-    many = MotionVector(3, CARRY, source=source(CARRY), phi=(None, None), autoreset_mode="SameStep")
-    seen, infos = many.reset(seed=0)
-    kept, task, start = seen.copy(), infos["task"]["task"].copy(), infos["start"]["task"].copy()
-    for _ in range(12):
-        many.step([1, 2, 0])
-    np.testing.assert_array_equal(seen, kept)
-    np.testing.assert_array_equal(infos["task"]["task"], task)
-    np.testing.assert_array_equal(infos["start"]["task"], start)
-
-
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-def test_a_curriculum_hears_the_same_of_many_as_of_one(mode: str) -> None:
-    settings = {"spec": CARRY, "source": source(CARRY), "phi": (None, None)}
-    many = MotionVector(1, autoreset_mode=mode, **settings)
-    one = MotionTable(**settings)
-    ours, theirs = ([] for _ in range(2))
-    lessons = [strategy("self_paced", one.space, np.random.default_rng(0)) for _ in range(2)]
-    many, one = VectorCurriculum(many, lessons[0]), Curriculum(one, lessons[1])
-    many.reset(seed=1)
-    one.reset(seed=1)
-    actions = np.random.default_rng(5)
-    for _ in range(12):
-        over = False
-        while not over:
-            action = int(actions.integers(5))
-            seen, _, over, _, info = one.step(action)
-            found, _, ended, _, infos = many.step([action])
-            assert bool(ended[0]) == over
-            if mode == "NextStep":
-                same_motion_vector(found[0], seen)
-        last = infos["final_info"] if mode == "SameStep" else infos
-        ours.append(last["outcome"][0])
-        theirs.append(info["outcome"])
-        one.reset()
-        if mode == "NextStep":
-            many.step([0])
-    assert ours == theirs and len({outcome["phi"][0] for outcome in ours}) > 3
-
-
-@pytest.mark.long
-def test_stable_baselines() -> None:
-    pytest.importorskip("stable_baselines3")
-    from scenegen.curriculum import SB3Vector
-
-    many = MotionVector(4, CARRY, source=source(CARRY), phi=(None, None), autoreset_mode="SameStep")
-    tables = SB3Vector(many)
-    tables.seed(3)
-    tables.reset()
-    ends = 0
-    for _ in range(8):
-        _, _, over, infos = tables.step(np.zeros(4, dtype=int))
-        for number in np.flatnonzero(over):
-            assert infos[number]["terminal_observation"].shape == tables.observation_space.shape
-            assert infos[number]["moment"] <= 4 and set(infos[number]["start"]) == {"task", "calm"}
-            ends += 1
-    assert ends >= 8
 
 
 SPEC = "object mug, plate\ntask: closeTo(mug, plate, 0.1)"

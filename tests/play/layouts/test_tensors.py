@@ -57,7 +57,7 @@ def test_takes_go_on_without_repeating_and_are_the_same_again():
 
 def test_draws_that_end_early_are_followed_by_others(monkeypatch):
     """What a draw has found when its time is up is used."""
-    from scenegen.play import layouts as tensors
+    from scenegen.play import starts
 
     asked = []
 
@@ -65,8 +65,8 @@ def test_draws_that_end_early_are_followed_by_others(monkeypatch):
         asked.append(request)
         return draw(spec, replace(request, n=7))
 
-    draw = tensors.draw_scenes
-    monkeypatch.setattr(tensors, "draw_scenes", few)
+    draw = starts.draw_scenes
+    monkeypatch.setattr(starts, "draw_scenes", few)
     poses, phi = Layouts(SPEC, WANTED, quaternion="wxyz", ahead=20).take(20)
     assert len(torch.unique(poses, dim=0)) == len(phi) == 20
     assert [one.n for one in asked] == [20, 20, 20] and all(one.keep_partial for one in asked)

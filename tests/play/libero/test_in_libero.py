@@ -9,7 +9,7 @@ import scenegen
 from scenegen.cli.app import run
 from scenegen.errors import RequestError
 from scenegen.libero import init_states, set_scene, spec_of
-from scenegen.play.libero.files import SUITES, make_environment, tasks_of, write_home
+from scenegen.play.libero.files import LIBERO_SUITES, make_environment, tasks_of, write_home
 
 pytestmark = pytest.mark.libero
 # a drawer, a stove that is on, a basket of two, and then all others
@@ -29,7 +29,7 @@ def chosen():
     count = int(os.environ.get("LIBERO_TASKS", "3"))
     names = list(FIRST)
     if count > len(FIRST):
-        names += [task.name for suite in SUITES for task in tasks_of(suite) if task.name not in FIRST]
+        names += [task.name for suite in LIBERO_SUITES for task in tasks_of(suite) if task.name not in FIRST]
     return names[:count]
 
 

@@ -108,12 +108,14 @@ def test_a_model_is_measured(table):
     left, bottom, right, top = floor.free  # between walls on three sides, open in front
     assert (left, right, top) == pytest.approx((0.205, 0.395, 0.195), abs=1e-6) and bottom < -0.15
     assert live.parts["slide"].lever == 1.0 and live.parts["hinge"].lever == pytest.approx(0.3, abs=1e-3)
-    assert live.accepted(live.parts["slide"], lambda value: value < -0.14) == pytest.approx((-0.16, -0.14), abs=1e-3)
-    assert live.accepted(live.parts["slide"], lambda value: False) is None
+    assert live.accepted_range(live.parts["slide"], lambda value: value < -0.14) == pytest.approx(
+        (-0.16, -0.14), abs=1e-3
+    )
+    assert live.accepted_range(live.parts["slide"], lambda value: False) is None
     attitude, heading = live.attitude("can")
     assert heading == pytest.approx(math.pi / 2) and heading_of(attitude) == pytest.approx(0)
     before = live.data.qpos.copy()
-    with live.cleared({"slide": -0.1}):
+    with live.without_movers({"slide": -0.1}):
         assert live.data.qpos[live.movers["can"]] == 20 and live.data.qpos[live.parts["slide"].address] == -0.1
     assert (live.data.qpos == before).all()
 
@@ -196,8 +198,8 @@ def test_files_of_a_task(tmp_path):
     ]
     with np.load(tmp_path / "home" / files[1], allow_pickle=False) as read:
         assert np.array_equal(read["states"], made.states) and read["states"].dtype == np.float64
-    assert job.done(task) == report
-    assert StatesJob(tmp_path / "home", ("goal=0:",), n=3).done(task) is None
+    assert job.load_report(task) == report
+    assert StatesJob(tmp_path / "home", ("goal=0:",), n=3).load_report(task) is None
     short = StatesJob(tmp_path / "home", ("goal=0:",), n=3)
     short.write(task, made)
     with pytest.raises(RequestError) as error:

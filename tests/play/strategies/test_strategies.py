@@ -17,7 +17,7 @@ import pytest
 from scenegen.errors import DataError, RequestError
 from scenegen.play.strategies import STRATEGIES, strategy
 from scenegen.play.strategies.alp_gmm import fit
-from scenegen.play.strategies.base import Base, DifficultyAxis, DifficultyGrid, Levels, drawn, pick
+from scenegen.play.strategies.base import Base, DifficultyAxis, DifficultyGrid, Levels, draw_index, pick
 from scenegen.play.tasks import Outcome, PhiBox
 
 from .learners import Chain, draw, reach
@@ -144,7 +144,7 @@ def test_outcomes_of_the_tasks_of_others_do_no_harm(name_strategies):
 @pytest.mark.parametrize("labels", [1, 2])
 def test_nobody_gets_stuck(name_strategies, labels, success):
     """Whether the learner never or always succeeds, every tenth of the difficulties is met. Wide boxes
-    count as scenes drawn evenly from them."""
+    count as scenes draw_index evenly from them."""
     teacher, rng = made(name_strategies, reach(labels), **SHORT.get(name_strategies, {})), np.random.default_rng(3)
     met = set()
     for _ in range(800):
@@ -286,7 +286,7 @@ def test_parts_fill_the_space_and_do_not_overlap(space, kind):
         phi = draw(space, rng)
         mine = [parts._named[box] for box in boxes(parts) if box.holds(phi)]
         assert len(mine) == 1
-        assert parts.of(Outcome(space, phi, True, 0.0, 1)) == mine[0]
+        assert parts.index_of(Outcome(space, phi, True, 0.0, 1)) == mine[0]
 
 
 @pytest.mark.parametrize("space", SPACES_PLACES)
@@ -295,8 +295,8 @@ def test_an_outcome_belongs_to_the_level_that_was_asked_for(space):
     for level in range(3):
         for _ in range(10):
             task = levels.box(level, rng)
-            assert levels.of(Outcome(task, draw(task, rng), True, 0.0, 1)) == level
-            assert levels.of(Outcome(task, draw(space, rng), True, 0.0, 1)) == level  # a source that had none
+            assert levels.index_of(Outcome(task, draw(task, rng), True, 0.0, 1)) == level
+            assert levels.index_of(Outcome(task, draw(space, rng), True, 0.0, 1)) == level  # a source that had none
 
 
 @pytest.mark.parametrize("space", SPACES_PLACES)
@@ -305,21 +305,21 @@ def test_an_outcome_belongs_to_the_cell_that_its_scene_lay_in(space):
     for cell in range(cells.count):
         task = cells.box(cell)
         for phi in (draw(task, rng), task.low, task.high):  # faces, too, belong to the box that was asked for
-            assert cells.of(Outcome(task, phi, True, 0.0, 1)) == cell
+            assert cells.index_of(Outcome(task, phi, True, 0.0, 1)) == cell
         other = cells.box((cell + 1) % cells.count)
-        assert cells.of(Outcome(task, draw(other, rng), True, 0.0, 1)) == (cell + 1) % cells.count
+        assert cells.index_of(Outcome(task, draw(other, rng), True, 0.0, 1)) == (cell + 1) % cells.count
 
 
 def test_cells_without_scenes_are_closed_after_three_attempts_and_opened_by_a_scene():
     cells, rng = DifficultyGrid(DifficultyAxis(reach()), 4), np.random.default_rng(0)
     for cell, times in [(3, 3), (2, 2), (1, 5)]:
         for _ in range(times):
-            cells.of(Outcome(cells.box(cell), (-0.1,), True, 0.0, 1))
+            cells.index_of(Outcome(cells.box(cell), (-0.1,), True, 0.0, 1))
     assert cells.open.tolist() == [1, 0, 1, 0]
-    assert {cells.any(rng) for _ in range(50)} == {0, 2}
-    assert cells.of(Outcome(reach(), (-0.9,), True, 0.0, 1)) == 3
+    assert {cells.random_open(rng) for _ in range(50)} == {0, 2}
+    assert cells.index_of(Outcome(reach(), (-0.9,), True, 0.0, 1)) == 3
     for _ in range(5):  # it has scenes, whatever the source says later
-        cells.of(Outcome(cells.box(3), (-0.1,), True, 0.0, 1))
+        cells.index_of(Outcome(cells.box(3), (-0.1,), True, 0.0, 1))
     assert cells.open.tolist() == [1, 0, 1, 1]
 
 
@@ -327,9 +327,9 @@ def test_the_last_cell_is_never_closed():
     cells, rng = DifficultyGrid(DifficultyAxis(reach()), 2), np.random.default_rng(0)
     for _ in range(5):
         for cell in range(2):
-            assert cells.of(Outcome(cells.box(cell), (9.0,), True, 0.0, 1)) is None
+            assert cells.index_of(Outcome(cells.box(cell), (9.0,), True, 0.0, 1)) is None
     assert cells.open.sum() == 1
-    assert cells.open[cells.any(rng)] == 1.0
+    assert cells.open[cells.random_open(rng)] == 1.0
 
 
 def test_levels_are_difficulties():
@@ -362,7 +362,7 @@ def test_the_ends_of_the_reach_are_met_exactly():
 
 def test_draws_follow_their_weights():
     rng, weights = np.random.default_rng(0), np.array([0.0, 1.0, 3.0, 0.0])
-    counts = np.bincount([drawn(weights, rng) for _ in range(4000)], minlength=4)
+    counts = np.bincount([draw_index(weights, rng) for _ in range(4000)], minlength=4)
     assert counts[0] == counts[3] == 0 and counts[2] / counts[1] == pytest.approx(3.0, rel=0.15)
 
 

@@ -8,7 +8,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import CUT_SHORT, NO_TIME_TO_CHECK, OUT_OF_PLACE, OUT_OF_RANGE, WRONG_VALUE
 from scenegen.play.suites import new as module
 from scenegen.play.suites.new import new_suite
-from scenegen.play.suites.suite import MANIFEST, check_suite
+from scenegen.play.suites.suite import SUITE_JSON, check_suite
 from scenegen.sampling.request import Range
 
 SPEC = """# Put a beside b.
@@ -32,7 +32,7 @@ def spec_file(tmp_path):
 def test_the_bytes_follow_from_the_specs(spec_file, golden, tmp_path):
     """Those of two processes here are those of one, of another day, that the other tests read."""
     made = new_suite([("beside", spec_file)], tmp_path / "small", bands=2, n=3, workers=2)
-    for name in (MANIFEST, *(task.scenes for task in made.tasks + made.reversed)):
+    for name in (SUITE_JSON, *(task.scenes for task in made.tasks + made.reversed)):
         golden(f"play/suites/small/{name}", (tmp_path / "small" / name).read_text())
 
 
@@ -51,7 +51,7 @@ def test_time_that_is_up_while_a_rare_band_is_measured(spec_file, tmp_path, monk
     cut = SpecRarity((), None, 0, 1, (CUT_SHORT(),))
     asked = []
     monkeypatch.setattr(module, "rarity", lambda spec, label, **given: asked.append(given) or cut)
-    monkeypatch.setattr(module, "FEW", module.COUNTED)  # every band counts as rare
+    monkeypatch.setattr(module, "MIN_IN_BAND", module.COUNTED_DRAWS)  # every band counts as rare
     with pytest.raises(RequestError) as caught:
         new_suite([("beside", spec_file)], tmp_path / "slow", bands=2, n=1, workers=1, timeout=50.0)
     assert caught.value.diagnostics[0].kind is NO_TIME_TO_CHECK and not (tmp_path / "slow").exists()

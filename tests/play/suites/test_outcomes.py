@@ -6,10 +6,10 @@ from scenegen.errors import DataError, RequestError
 from scenegen.play.suites.outcomes import (
     EpisodeOutcome,
     OutcomesHeader,
+    check_same_run,
+    dump_line,
     dump_outcomes,
-    line_of,
     read_outcomes,
-    same_run,
 )
 from scenegen.play.suites.suite import Suite
 
@@ -64,9 +64,9 @@ def test_what_is_wrong(small, tmp_path, changes, edit):
 
 def test_another_run_is_not_continued(small, tmp_path):
     suite = Suite.load(small)
-    same_run(tmp_path, header(suite), header(suite))
+    check_same_run(tmp_path, header(suite), header(suite))
     with pytest.raises(RequestError) as caught:
-        same_run(tmp_path, header(suite), header(suite, policy="other:act"))
+        check_same_run(tmp_path, header(suite), header(suite, policy="other:act"))
     assert caught.value.diagnostics[0].facts["key"] == "policy"
 
 
@@ -97,7 +97,7 @@ def test_what_a_program_has_added_stays(small, tmp_path):
 
 def test_half_of_a_character_in_an_error_is_written(small):
     (one,) = episodes(Suite.load(small), [False])
-    assert b"no ?" in line_of(one.model_copy(update={"error": "no \udcff"}))
+    assert b"no ?" in dump_line(one.model_copy(update={"error": "no \udcff"}))
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ def test_a_run_in_another_way_is_not_continued(small, tmp_path, changes, key):
     suite, how = Suite.load(small), {"steps": 20, "timeout": 600.0, "versions": {"scenegen": "1"}}
     before, now = header(suite, **how), header(suite, **{**how, **changes})
     with pytest.raises(RequestError) as caught:
-        same_run(tmp_path, before, now)
+        check_same_run(tmp_path, before, now)
     assert caught.value.diagnostics[0].facts["key"] == key and "name another file" in str(caught.value)
     if key != "world":
-        same_run(tmp_path, header(suite), now)
+        check_same_run(tmp_path, header(suite), now)

@@ -6,7 +6,7 @@ import pytest
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.requests import GIVEN_TWICE
 from scenegen.play.suites.outcomes import EpisodeOutcome, OutcomesHeader, SuiteOutcomes, dump_outcomes
-from scenegen.play.suites.report import compared, report_suite
+from scenegen.play.suites.report import compare_outcomes, report_suite
 from scenegen.play.suites.suite import Suite
 
 
@@ -49,7 +49,7 @@ def test_what_both_were_run_on(small):
         )
         return SuiteOutcomes(header, tuple(made))
 
-    found = compared(outcomes(one, range(8)), outcomes(other, range(2, 9)))
+    found = compare_outcomes(outcomes(one, range(8)), outcomes(other, range(2, 9)))
     assert (found.first, found.second, found.n) == ((one & ~other)[2:8].sum(), (other & ~one)[2:8].sum(), 6)
 
 

@@ -18,6 +18,7 @@ from scenegen.errors.files import OTHER_REQUEST, SET_IN_USE, UNFINISHED_RUN
 from scenegen.errors.worlds import WORLD_FAILS
 from scenegen.play.policy_server import decode, encode, server_of
 from scenegen.play.suites import run as running
+from scenegen.play.suites.loading import versions_of
 from scenegen.play.suites.outcomes import read_outcomes
 from scenegen.play.suites.run import Player, RemotePolicy, run_suite
 from scenegen.play.suites.suite import Suite
@@ -205,10 +206,10 @@ def test_a_second_run_in_the_same_file_is_refused(small, tmp_path):
 
 
 def test_versions_are_told():
-    found = running._versions("scenegen.play.suites.adapters.table:make")
+    found = versions_of("scenegen.play.suites.adapters.table:make")
     assert found["scenegen"] == scenegen.__version__ and {*found} <= {"scenegen", "robosuite"}
-    assert {*running._versions("numpy.of.a.world:make")} == {"scenegen", "numpy"}
-    assert {*running._versions("numpy.py:make")} == {*running._versions("no.such.package:make")} == {"scenegen"}
+    assert {*versions_of("numpy.of.a.world:make")} == {"scenegen", "numpy"}
+    assert {*versions_of("numpy.py:make")} == {*versions_of("no.such.package:make")} == {"scenegen"}
 
 
 @pytest.mark.parametrize("argument, text", [("policy", "https://localhost"), ("world", "http://localhost:80")])
@@ -258,7 +259,7 @@ def test_a_server_that_never_answers_ends_the_run(place, request):
 
 def test_a_server_is_waited_for_half_of_an_episode():
     waits = [RemotePolicy("http://localhost", most)._wait for most in (2.5, 300.0)]
-    assert waits == [2.5, running.WAIT]
+    assert waits == [2.5, running.SERVER_WAIT]
 
 
 @pytest.mark.long

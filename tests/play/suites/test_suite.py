@@ -11,8 +11,9 @@ from scenegen.api.reading import read_scenes
 from scenegen.errors import DataError
 from scenegen.errors.files import PHI_DIFFERS
 from scenegen.errors.worlds import NOT_A_SUITE
+from scenegen.learn.success.files import BLANK_DIGEST
 from scenegen.play.suites.new import new_suite
-from scenegen.play.suites.suite import BLANK, MANIFEST, Suite, check_suite, overlapping, read_manifest
+from scenegen.play.suites.suite import SUITE_JSON, Suite, check_suite, overlapping, read_manifest
 
 
 def test_episode_i_has_start_i(small):
@@ -48,8 +49,8 @@ def test_shares_of_starts_at_least_as_hard(small):
 
 
 def test_the_digest_is_that_of_the_bytes(small):
-    data, digest = (small / MANIFEST).read_bytes(), read_manifest(small).digest
-    assert hashlib.sha256(data.replace(digest.encode(), BLANK.encode(), 1)).hexdigest() == digest
+    data, digest = (small / SUITE_JSON).read_bytes(), read_manifest(small).digest
+    assert hashlib.sha256(data.replace(digest.encode(), BLANK_DIGEST.encode(), 1)).hexdigest() == digest
 
 
 def test_checked_as_a_whole(small):
@@ -66,20 +67,20 @@ def copied(small, folder, name, change):
 
 def forged(folder):
     """The checksums and the digest of a folder made those of its files."""
-    data = json.loads((folder / MANIFEST).read_bytes())
+    data = json.loads((folder / SUITE_JSON).read_bytes())
     for task in data["tasks"] + data["reversed"]:
         task["sha256"] = hashlib.sha256((folder / task["scenes"]).read_bytes()).hexdigest()
-    text = json.dumps({**data, "digest": BLANK})
-    (folder / MANIFEST).write_text(text.replace(BLANK, hashlib.sha256(text.encode()).hexdigest(), 1))
+    text = json.dumps({**data, "digest": BLANK_DIGEST})
+    (folder / SUITE_JSON).write_text(text.replace(BLANK_DIGEST, hashlib.sha256(text.encode()).hexdigest(), 1))
     return folder
 
 
 @pytest.mark.parametrize(
     "name, old, new",
     [
-        (MANIFEST, b'"seed": 0', b'"seed": 1'),
+        (SUITE_JSON, b'"seed": 0', b'"seed": 1'),
         ("beside.json", b'"x": 0.', b'"x": 0.0'),
-        (MANIFEST, b'"version"', b'"Version"'),
+        (SUITE_JSON, b'"version"', b'"Version"'),
     ],
 )
 def test_what_was_edited_is_refused(small, tmp_path, name, old, new):
@@ -103,9 +104,9 @@ def test_a_forged_suite_does_not_pass_the_check(small, tmp_path):
 def changed(small, folder, change):
     """A copy of the suite whose suite.json was changed, and has the digest of what it then is."""
     copied(small, folder, "nothing", lambda data: data)
-    data = json.loads((folder / MANIFEST).read_bytes())
+    data = json.loads((folder / SUITE_JSON).read_bytes())
     change(data)
-    (folder / MANIFEST).write_text(json.dumps(data))
+    (folder / SUITE_JSON).write_text(json.dumps(data))
     return forged(folder)
 
 

@@ -14,14 +14,14 @@ import numpy.typing as npt
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import WRONG_VALUE
-from scenegen.play.frame import TableFrame, inverse, rotated, times
+from scenegen.play.frame import TableFrame, inverse, rotate, times
 
 if TYPE_CHECKING:
     from scenegen.play.suites.suite import GradedStart, SuiteTask
 
 Begun: TypeAlias = tuple[Sequence[str], Array, Mapping[str, Any]]
-SLOW = 0.01, 0.1  # m/s and rad/s below which an object is at rest
-LEVEL, UPRIGHT = 0.01, 0.2  # metres and radians by which an object may be off the height and attitude of the start
+REST_SPEEDS = 0.01, 0.1  # m/s and rad/s below which an object is at rest
+HEIGHT_TOLERANCE, LEAN_TOLERANCE = 0.01, 0.2  # metres and radians by which an object may be off the start's
 
 
 class ArmWorld:
@@ -64,14 +64,14 @@ class ArmWorld:
         names, poses, own = self._begin(start)
         self.names, self._poses = tuple(names), np.array(poses, dtype=np.float64)
         self._stand()
-        return self._observed(own), {"success": self._judge(self)}
+        return self._observation(own), {"success": self._judge(self)}
 
     def step(self, action: npt.ArrayLike) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """One control step, whatever the action: numbers beyond [-1, 1] count as the ends."""
         own = self.env.step(np.clip(np.asarray(action, dtype=np.float64), -1.0, 1.0))[0]
         self._steps += 1
         success = self._judge(self)
-        return self._observed(own), float(success), success, self._steps >= self.horizon, {"success": success}
+        return self._observation(own), float(success), success, self._steps >= self.horizon, {"success": success}
 
     def close(self) -> None:
         self.env.close()
@@ -86,7 +86,7 @@ class ArmWorld:
         found = self._poses.copy()
         for which, (foot, attitude) in self._feet.items():
             at, turned = self._body(which)
-            found[which] = self._seen(at + rotated(turned, foot), times(turned, attitude))
+            found[which] = self._in_spec_frame(at + rotate(turned, foot), times(turned, attitude))
         return found
 
     def _stand(self) -> None:
@@ -96,7 +96,7 @@ class ArmWorld:
             if name in self._models:
                 at, turned = self._body(which)
                 foot, attitude = self.frame.place(self._poses[which].tolist())
-                self._feet[which] = rotated(inverse(turned), foot - at), times(inverse(turned), attitude)
+                self._feet[which] = rotate(inverse(turned), foot - at), times(inverse(turned), attitude)
 
     def _body(self, which: int) -> tuple[Array, Array]:
         body = self.sim.model.body_name2id(self._models[self.names[which]].root_body)
@@ -107,17 +107,18 @@ class ArmWorld:
         for model in self._models.values():
             for joint in model.joints:
                 speed = np.asarray(self.sim.data.get_joint_qvel(joint))
-                if np.linalg.norm(speed[:3]) > SLOW[0] or np.linalg.norm(speed[3:]) > SLOW[1]:
+                if np.linalg.norm(speed[:3]) > REST_SPEEDS[0] or np.linalg.norm(speed[3:]) > REST_SPEEDS[1]:
                     return False
         now = self.objects()
-        return bool((np.abs(now[:, 2] - self._poses[:, 2]) < LEVEL).all() and (lean(now) < UPRIGHT).all())
+        level = np.abs(now[:, 2] - self._poses[:, 2]) < HEIGHT_TOLERANCE
+        return bool(level.all() and (lean(now) < LEAN_TOLERANCE).all())
 
     def let_go(self) -> bool:
         """Whether the hand touches none of the objects."""
         things = [name for model in self._models.values() for name in model.contact_geoms]
         return not self.env.check_contact(_gripper(self.env), things)
 
-    def _seen(self, at: Array, quaternion: Array) -> Array:
+    def _in_spec_frame(self, at: Array, quaternion: Array) -> Array:
         """A pose of the world in the spec's frame."""
         x, y, _ = self.frame.pose(at, quaternion)
         half = -0.5 * self.frame.turn
@@ -125,7 +126,7 @@ class ArmWorld:
             [x, y, at[2] - self.frame.origin[2], *times((np.cos(half), 0.0, 0.0, np.sin(half)), quaternion)]
         )
 
-    def _observed(self, own: Mapping[str, Any]) -> dict[str, Any]:
+    def _observation(self, own: Mapping[str, Any]) -> dict[str, Any]:
         robot, data = self.env.robots[0], self.sim.data
         site = robot.eef_site_id["right"] if isinstance(robot.eef_site_id, Mapping) else robot.eef_site_id
         hand = times(data.body_xquat[self.sim.model.site_bodyid[site]], self.sim.model.site_quat[site])
@@ -134,7 +135,7 @@ class ArmWorld:
             **own,
             "names": self.names,
             "objects": self.objects(),
-            "hand": self._seen(data.site_xpos[site], hand),
+            "hand": self._in_spec_frame(data.site_xpos[site], hand),
             "fingers": np.array(fingers),
             "joints": np.array([data.qpos[k] for k in robot._ref_joint_pos_indexes]),
             "turn": self.frame.turn,

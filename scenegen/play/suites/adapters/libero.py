@@ -1,4 +1,4 @@
-"""A task of LIBERO, judged by LIBERO's own `check_success`: `libero:make`, or `libero:seeing` with pictures.
+"""A task of LIBERO, judged by LIBERO's own `check_success`: the world `libero`, or `libero-pictures`.
 
 The name of the suite's task is that of LIBERO's task. If its spec is that of the environment (`scenegen libero` writes
 it), things are put where the start has them, and settle. Else the start in row k of the task's scenes begins from row k
@@ -26,14 +26,15 @@ from scenegen.validation import as_point
 if TYPE_CHECKING:
     from scenegen.play.suites.suite import GradedStart, SuiteTask
 
-HORIZON, WAIT, SEED = 600, 10, 0  # steps of an episode; steps in which things settle first; of what LIBERO draws itself
+LIBERO_HORIZON, SETTLE_STEPS = 600, 10  # steps of an episode; steps in which things settle first
+LIBERO_SEED = 0  # of what LIBERO draws itself
 
 
 def make(task: SuiteTask, pictures: bool = False) -> ArmWorld:
     """Raises RequestError where LIBERO is missing or has no such task, and for starts beyond the init states."""
     found = tasks_of(task.name)[0]
     folder = Path(libero_paths()["init_states"]) / found.suite
-    env = make_environment(found, SEED, pictures=pictures)
+    env = make_environment(found, LIBERO_SEED, pictures=pictures)
     models = dict(env.env.objects_dict)
     own = spec_of(env)
     settled = settled_scenes(env, own) if set(task.spec.objects) == set(own.spec.objects) else None
@@ -43,16 +44,16 @@ def make(task: SuiteTask, pictures: bool = False) -> ArmWorld:
         if settled is None and start.row >= len(states):
             wanted = f"fewer than the {len(states)} init states in {folder}"
             raise RequestError(OUT_OF_RANGE(argument="start", value=start.row, wanted=wanted))
-        env.seed(SEED)  # what LIBERO draws itself at a reset, such as the places of fixtures, is the same each time
+        env.seed(LIBERO_SEED)  # what LIBERO draws itself, such as the places of fixtures, is the same each time
         env.reset()
         env.set_init_state(states[start.row] if settled is None else settled(start.poses))
         env.robots[0].gripper.current_action[:] = 0.0  # which robosuite 1.4 keeps from the last episode
-        for _ in range(WAIT):
+        for _ in range(SETTLE_STEPS):
             own = env.step([0.0] * 6 + [-1.0])[0]
         return tuple(models), standing(env.sim, models, frame), own
 
     frame = TableFrame(as_point("workspace_offset", env.env.workspace_offset))
-    return ArmWorld(task, env, frame, models, begin, lambda world: bool(env.check_success()), HORIZON)
+    return ArmWorld(task, env, frame, models, begin, lambda world: bool(env.check_success()), LIBERO_HORIZON)
 
 
 def seeing(task: SuiteTask) -> ArmWorld:

@@ -1,4 +1,4 @@
-"""Any spec of boxes and cylinders as a robosuite table-top environment with a Panda: `table:make`.
+"""Any spec of boxes and cylinders as a robosuite table-top environment with a Panda: the world `table`.
 
 An episode succeeds when the hand has let go, all objects are at rest, and phi of the task's success label, read back
 from the simulation, is 0 or more. Physics is cheap: no pictures, none of robosuite's sensors, ten actions a second.
@@ -25,12 +25,13 @@ from scenegen.things.bodies import DENSITY
 if TYPE_CHECKING:
     from scenegen.play.suites.suite import GradedStart, SuiteTask
 
-TOP = 0.8  # metres: the height of robosuite's tables
-TURN = -math.pi / 2.0  # the robot looks along the spec's y axis
+TABLE_HEIGHT = 0.8  # metres: the height of robosuite's tables
+TABLE_TURN = -math.pi / 2.0  # the robot looks along the spec's y axis
 SOLREF = [0.02, 1.0]  # MuJoCo's own; robosuite's cylinders are springs that never come to rest
 DAMPING = "0.002"  # N m s, of what turns: MuJoCo's cylinders stand on few points, and rock for long
-HERTZ, STEP, HORIZON = 10.0, 0.004, 200  # actions a second, seconds of a physics step, actions of an episode
-HOLD = 4  # steps of physics for which the controller's torques stay: it is most of the work
+ACTIONS_PER_SECOND, TABLE_HORIZON = 10.0, 200  # actions of an episode
+PHYSICS_STEP = 0.004  # seconds
+TORQUE_STEPS = 4  # steps of physics for which the controller's torques stay: it is most of the work
 
 
 def make(task: SuiteTask) -> ArmWorld:
@@ -48,7 +49,9 @@ def make(task: SuiteTask) -> ArmWorld:
         for name, half in solids.items()
     }
     given: Any = SimpleNamespace(start=None, take=lambda: given.start)  # the start that the next reset is to have
-    placement = Placement(task.spec, given, reference_pos=frame.origin, turn=TURN, mujoco_objects=list(models.values()))
+    placement = Placement(
+        task.spec, given, reference_pos=frame.origin, turn=TABLE_TURN, mujoco_objects=list(models.values())
+    )
     env = _environment(models, placement, given, size)
 
     def begin(start: GradedStart) -> Begun:
@@ -59,7 +62,7 @@ def make(task: SuiteTask) -> ArmWorld:
     def judge(world: ArmWorld) -> bool:
         return world.at_rest() and placement.phi_in(env.sim)[task.success] >= 0.0 and world.let_go()
 
-    return ArmWorld(task, env, frame, models, begin, judge, HORIZON)
+    return ArmWorld(task, env, frame, models, begin, judge, TABLE_HORIZON)
 
 
 def solids_of(spec: Spec) -> dict[str, list[float]]:
@@ -83,8 +86,9 @@ def table_of(spec: Spec) -> tuple[TableFrame, tuple[float, float, float]]:
     """The spec's frame, with the middle of its workspace over the middle of the table, and the table's size along the
     world's x, y and z."""
     (left, right), (near, far) = spec.checked.workspace.x, spec.checked.workspace.y
-    x, y = TableFrame((0.0, 0.0, 0.0), TURN).place([(left + right) / 2, (near + far) / 2, 0, 1, 0, 0, 0])[0][:2]
-    return TableFrame((-x, -y, TOP), TURN), (max(0.8, far - near + 0.2), max(0.8, right - left + 0.2), 0.05)
+    x, y = TableFrame((0.0, 0.0, 0.0), TABLE_TURN).place([(left + right) / 2, (near + far) / 2, 0, 1, 0, 0, 0])[0][:2]
+    size = max(0.8, far - near + 0.2), max(0.8, right - left + 0.2), 0.05
+    return TableFrame((-x, -y, TABLE_HEIGHT), TABLE_TURN), size
 
 
 def _environment(models: dict[str, Any], placement: Placement, given: Any, size: tuple[float, float, float]) -> Any:
@@ -100,18 +104,18 @@ def _environment(models: dict[str, Any], placement: Placement, given: Any, size:
             super()._load_model()
             robot = self.robots[0].robot_model
             robot.set_base_xpos(robot.base_xpos_offset["table"](size[0]))
-            arena = TableArena(table_full_size=size, table_offset=(0.0, 0.0, TOP))
+            arena = TableArena(table_full_size=size, table_offset=(0.0, 0.0, TABLE_HEIGHT))
             arena.set_origin([0.0, 0.0, 0.0])
             self.model = ManipulationTask(arena, [robot], list(models.values()))
 
         def initialize_time(self, control_freq: float) -> None:
             super().initialize_time(control_freq)
-            self.model_timestep = self.sim.model.opt.timestep = STEP
+            self.model_timestep = self.sim.model.opt.timestep = PHYSICS_STEP
             self.sim.model.opt.enableflags |= mjtEnableBit.mjENBL_MULTICCD  # else cylinders wobble on one contact
 
         def _pre_action(self, action: Any, policy_step: bool = False) -> None:
             self.substep = 0 if policy_step else self.substep + 1
-            if self.substep % HOLD == 0:
+            if self.substep % TORQUE_STEPS == 0:
                 super()._pre_action(action, policy_step)
 
         def _setup_observables(self) -> dict[str, Any]:
@@ -132,6 +136,6 @@ def _environment(models: dict[str, Any], placement: Placement, given: Any, size:
             return 0.0
 
     return SpecTable(
-        "Panda", initialization_noise=None, control_freq=HERTZ, ignore_done=True, hard_reset=False,
+        "Panda", initialization_noise=None, control_freq=ACTIONS_PER_SECOND, ignore_done=True, hard_reset=False,
         use_camera_obs=False, has_renderer=False, has_offscreen_renderer=False, renderer="mujoco",
     )  # fmt: skip

@@ -10,7 +10,7 @@ import pytest
 import scenegen
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NOT_INSTALLED, WRONG_VALUE
-from scenegen.play.frame import rotated
+from scenegen.play.frame import rotate
 from scenegen.play.suites.adapters import libero
 from scenegen.play.suites.adapters.arms import ArmWorld, lean
 from scenegen.play.suites.adapters.table import make, solids_of, table_of
@@ -85,7 +85,7 @@ def test_quaternions(example):
     matrix = example("scripted").matrix
     for quaternion in np.random.default_rng(0).normal(size=(100, 4)):
         unit = quaternion / np.linalg.norm(quaternion)
-        assert np.allclose(rotated(unit, np.array([1.0, 2.0, 3.0])), matrix(unit) @ [1.0, 2.0, 3.0])
+        assert np.allclose(rotate(unit, np.array([1.0, 2.0, 3.0])), matrix(unit) @ [1.0, 2.0, 3.0])
     half = 0.15
     assert np.allclose(lean(np.array([[0, 0, 0, math.cos(half), math.sin(half), 0, 0]])), 0.3)
 

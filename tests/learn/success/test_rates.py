@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from scenegen.errors import RequestError
-from scenegen.play.fit import allocate, base_rate
-from scenegen.play.fit.rates import cut
+from scenegen.fit import allocate, base_rate
+from scenegen.learn.success.rates import cut_strata
 
 
 def test_one_stratum_is_a_plain_rate():
@@ -127,9 +127,9 @@ def test_strata_are_as_many_as_pay():
     """Of predictions that are all alike one; of predictions that are near 0 or 1 two at least, at any price more with
     more episodes."""
     rng = np.random.default_rng(0)
-    assert [len(one) for one in cut(np.full(500, 0.3), 100)] == [2, 1, 1]
+    assert [len(one) for one in cut_strata(np.full(500, 0.3), 100)] == [2, 1, 1]
     odds = 9.0 * rng.normal(size=20_000)
-    few, many = (cut(1.0 / (1.0 + np.exp(-odds)), n) for n in (30, 2000))
+    few, many = (cut_strata(1.0 / (1.0 + np.exp(-odds)), n) for n in (30, 2000))
     assert 2 <= len(few[1]) < len(many[1]) <= 8
     for ends, probability, episodes in (few, many):
         assert ends[0] == 0.0 and ends[-1] == 1.0 and (np.diff(ends) > 0.0).all() and (episodes > 0).all()
@@ -140,12 +140,12 @@ def test_strata_are_as_many_as_pay():
 def test_no_prediction_is_an_end_of_a_stratum():
     """Predictions that many scenes share would be in two strata at once."""
     rate = np.repeat([0.0, 0.2, 0.5, 0.9, 1.0], [400, 100, 100, 100, 300])
-    ends, probability, _ = cut(rate, 200)
+    ends, probability, _ = cut_strata(rate, 200)
     assert not set(ends[1:-1]) & set(rate)
     inside = [int(((rate >= low) & (rate <= high)).sum()) for low, high in pairwise(ends)]
     assert inside == pytest.approx(probability * len(rate))
 
 
 def test_predictions_that_are_nearly_alike_are_one():
-    ends, probability, _ = cut(np.repeat([0.5, np.nextafter(0.5, 1.0), np.nextafter(0.5, 0.0), 0.9], 50), 100)
+    ends, probability, _ = cut_strata(np.repeat([0.5, np.nextafter(0.5, 1.0), np.nextafter(0.5, 0.0), 0.9], 50), 100)
     assert probability.min() > 0.2 and not set(ends[1:-1]) & {0.5, np.nextafter(0.5, 1.0), np.nextafter(0.5, 0.0)}

@@ -1,4 +1,4 @@
-"""Logistic regression on features of starts, and how good its predictions are at starts that it has not seen.
+"""Logistic regression on features of starts.
 
 Each feature enters through ramps, which rise from 0 to 1 between neighbouring quantiles: log odds are piecewise linear
 in each feature, and constant beyond its ends (an additive model). A squared penalty on the heights of the ramps draws
@@ -9,35 +9,33 @@ fall as a feature rises, its ramps have no negative heights.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice, pairwise
 from typing import Annotated, Self
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field, FiniteFloat, model_validator
 
 from scenegen.arrays import Array, Bool, Index
-from scenegen.play.fit.features import RISING, Feature, Kind
-from scenegen.play.suites.statistics import wilson
-from scenegen.play.suites.suite import SuiteModel
+from scenegen.learn.success.features import MONOTONE_KINDS, Feature, Kind
+from scenegen.learn.success.files import FileModel
 
-QUANTILES = (0.02, 0.25, 0.5, 0.75, 0.98)  # between them a feature has ramps
-OF_PHI = (0.02, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 0.98)
+KNOT_QUANTILES = (0.02, 0.25, 0.5, 0.75, 0.98)  # between them a feature has ramps
+PHI_KNOT_QUANTILES = (0.02, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 0.98)
 STRENGTHS = (1000.0, 100.0, 30.0, 10.0, 3.0, 1.0, 0.3, 0.1)  # of the penalty
-SETS: Mapping[str, tuple[Kind, ...]] = {
+FEATURE_SETS: Mapping[str, tuple[Kind, ...]] = {
     "nothing": (),
     "phi": ("phi",),
-    "the formula": RISING,
-    "everything": (*RISING, "clutter", "distance", "place"),
+    "the formula": MONOTONE_KINDS,
+    "everything": (*MONOTONE_KINDS, "clutter", "distance", "place"),
 }
 FOLDS = 5
-STEPS, CLOSE = 60, 1e-5  # of Newton's method: how many at most, and how small the last one is
-LEAST = 1e-6  # probability, for logarithms
+NEWTON_STEPS, LAST_STEP = 60, 1e-5  # how many at most, and how small the last one is
+MIN_PROBABILITY = 1e-6  # probability, for logarithms
 
 
-class OddsCurve(SuiteModel):
+class OddsCurve(FileModel):
     """The part of a feature: it adds `heights[k]` to the log odds on the way from `knots[k]` to `knots[k + 1]`."""
 
     feature: str
@@ -46,7 +44,7 @@ class OddsCurve(SuiteModel):
     heights: tuple[FiniteFloat, ...]
 
     @model_validator(mode="after")
-    def _rising(self) -> Self:
+    def _check_knots(self) -> Self:
         if len(self.knots) != len(self.heights) + 1 or any(low >= high for low, high in pairwise(self.knots)):
             raise ValueError("the knots do not rise, or there is not a height between each two of them")
         return self
@@ -57,7 +55,7 @@ class OddsCurve(SuiteModel):
         return np.cumsum((0.0, *self.heights))
 
 
-class Logistic(SuiteModel):
+class Logistic(FileModel):
     """log odds of success = `intercept` and the sum of the `curves`. `reads` names the set of features that take part,
     `strength` is that of the penalty."""
 
@@ -95,23 +93,23 @@ class Outcomes:
     success: Bool
     start: Index
 
-    def of(self, which: Bool) -> Outcomes:
+    def select(self, which: Bool) -> Outcomes:
         return Outcomes(self.features, self.values[:, which], self.success[which], self.start[which])
 
-    def predicted(self, fit: Logistic) -> Array:
+    def predict(self, fit: Logistic) -> Array:
         return fit([one.name for one in self.features], self.values)
 
 
-def chosen(outcomes: Outcomes, monotone: bool, seed: int = 0) -> Logistic:
+def fit_logistic(outcomes: Outcomes, monotone: bool, seed: int = 0) -> Logistic:
     """The fit whose strength predicts held-out episodes best, by their log likelihood. More features take part where
     that is better by more than the standard error of the gain."""
-    sets = list(SETS)
+    sets = list(FEATURE_SETS)
     loss = np.full((len(sets), len(STRENGTHS), len(outcomes.success)), np.inf)
     for held in _folds(outcomes, seed):
-        some, rest = outcomes.of(~held), outcomes.of(held)
+        some, rest = outcomes.select(~held), outcomes.select(held)
         for number, reads in enumerate(sets):
             for step, fit in enumerate(_path(some, reads, monotone)):
-                p = np.clip(rest.predicted(fit), LEAST, 1.0 - LEAST)
+                p = np.clip(rest.predict(fit), MIN_PROBABILITY, 1.0 - MIN_PROBABILITY)
                 loss[number, step, held] = -np.log(np.where(rest.success, p, 1.0 - p))
     best, step = 0, 0
     for number in range(1, len(sets)):
@@ -122,13 +120,13 @@ def chosen(outcomes: Outcomes, monotone: bool, seed: int = 0) -> Logistic:
     return list(_path(outcomes, sets[best], monotone))[step]
 
 
-def held_out(outcomes: Outcomes, monotone: bool) -> Array:
+def predict_held_out(outcomes: Outcomes, monotone: bool) -> Array:
     """The predicted success of each episode, (n,), by a fit of the episodes of other starts alone: features and
     strength are chosen for each of FOLDS parts by itself."""
-    found = np.empty(len(outcomes.success))
+    rates = np.empty(len(outcomes.success))
     for number, held in enumerate(_folds(outcomes, seed=1)):
-        found[held] = outcomes.of(held).predicted(chosen(outcomes.of(~held), monotone, seed=2 + number))
-    return found
+        rates[held] = outcomes.select(held).predict(fit_logistic(outcomes.select(~held), monotone, seed=2 + number))
+    return rates
 
 
 def _folds(outcomes: Outcomes, seed: int) -> Iterator[Bool]:
@@ -143,15 +141,15 @@ def _folds(outcomes: Outcomes, seed: int) -> Iterator[Bool]:
 
 def _path(outcomes: Outcomes, reads: str, monotone: bool) -> Iterator[Logistic]:
     """A fit for each strength, the strongest first: each starts from the one before."""
-    parts, kinds = [], SETS[reads]
+    parts, kinds = [], FEATURE_SETS[reads]
     for feature, values in zip(outcomes.features, outcomes.values, strict=True):
-        knots = np.unique(np.quantile(values, OF_PHI if feature.kind == "phi" else QUANTILES))
+        knots = np.unique(np.quantile(values, PHI_KNOT_QUANTILES if feature.kind == "phi" else KNOT_QUANTILES))
         if feature.kind in kinds and len(knots) > 1:  # else it is the same everywhere
             low, high = knots[:-1, None], knots[1:, None]
             parts.append((feature, knots, np.clip((values - low) / (high - low), 0.0, 1.0)))
     y = outcomes.success.astype(np.float64)
     columns = np.concatenate([*(ramps for *_, ramps in parts), np.ones((1, len(y)))]).T
-    least = [0.0 if monotone and one.kind in RISING else -np.inf for one, _, ramps in parts for _ in ramps]
+    least = [0.0 if monotone and one.kind in MONOTONE_KINDS else -np.inf for one, _, ramps in parts for _ in ramps]
     rate = (y.sum() + 1.0) / (len(y) + 2.0)
     weights = np.array([*(0.0 for _ in least), math.log(rate / (1.0 - rate))])
     for strength in STRENGTHS:
@@ -176,7 +174,7 @@ def _newton(x: Array, y: Array, strength: float, least: Array, weights: Array) -
         odds = x @ w
         return float(np.logaddexp(0.0, odds).sum() - y @ odds + 0.5 * (penalty * w * w).sum())
 
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         p = _sigmoid(x @ weights)
         slope = x.T @ (p - y) + penalty * weights
         free = ~((weights <= least) & (slope > 0.0))
@@ -188,73 +186,6 @@ def _newton(x: Array, y: Array, strength: float, least: Array, weights: Array) -
             if loss(new) <= before:
                 break
         moved, weights = float(np.abs(new - weights).max()), new
-        if moved < CLOSE:
+        if moved < LAST_STEP:
             break
     return weights
-
-
-# Measures of predictions p (n,) of success y (n,).
-BINS, IN_A_BIN = 10, 40  # of predictions, at most; episodes, at least: of 20 the rate itself is off by 0.1 by chance
-REPEATS = 400
-FEW = 10  # starts that succeeded, or failed, below which a bootstrap is too narrow
-
-Interval = tuple[float, float, float]
-"""An estimate, and its 95 % interval."""
-
-
-def calibration_error(y: npt.ArrayLike, p: npt.ArrayLike) -> float:
-    """The mean difference of predicted and true rates over groups of equal size of similar predictions (expected
-    calibration error). Episodes of one prediction count as their mean, wherever a group ends among them."""
-    y, p = np.asarray(y, dtype=np.float64), np.asarray(p, dtype=np.float64)
-    _, which, count = np.unique(p, return_inverse=True, return_counts=True)
-    y = (np.bincount(which, y) / count)[which]
-    groups = np.array_split(np.argsort(p, kind="stable"), max(1, min(BINS, len(p) // IN_A_BIN)))
-    return float(sum(abs(float((y[one] - p[one]).sum())) for one in groups)) / len(p)
-
-
-def brier(y: npt.ArrayLike, p: npt.ArrayLike) -> float:
-    """The mean square of the difference."""
-    return float(np.mean((np.asarray(y, dtype=np.float64) - np.asarray(p)) ** 2))
-
-
-def auc(y: npt.ArrayLike, score: npt.ArrayLike) -> float:
-    """The probability that a success has a higher score than a failure; equal scores count half. NaN where all episodes
-    ended alike."""
-    y, score = np.asarray(y, dtype=bool), np.asarray(score, dtype=np.float64)
-    good, bad = score[y], np.sort(score[~y])
-    if not (len(good) and len(bad)):
-        return math.nan
-    below = np.searchsorted(bad, good, side="left") + np.searchsorted(bad, good, side="right")
-    return float(below.mean() / (2.0 * len(bad)))
-
-
-def by_chance(p: Array) -> tuple[float, float]:
-    """The calibration error that perfect predictions would show in so few episodes: the mean, and what they exceed in 5
-    % of repeats."""
-    rng = np.random.default_rng(0)
-    found = [calibration_error(rng.random(len(p)) < p, p) for _ in range(REPEATS)]
-    return float(np.mean(found)), float(np.quantile(found, 0.95))
-
-
-def with_interval(
-    measure: Callable[[npt.ArrayLike, npt.ArrayLike], float], y: Bool, p: Array, start: Index
-) -> Interval:
-    """A measure of predictions, and its 95 % interval: percentiles of a bootstrap over starts, of its draws that have
-    the measure."""
-    _, number, count = np.unique(start, return_inverse=True, return_counts=True)
-    members = np.split(np.argsort(number, kind="stable"), np.cumsum(count)[:-1])
-    rng = np.random.default_rng(0)
-    drawn = (rng.integers(len(count), size=len(count)) for _ in range(REPEATS))
-    found = [measure(y[some], p[some]) for some in (np.concatenate([members[k] for k in one]) for one in drawn)]
-    low, high = np.nanquantile(found, (0.025, 0.975))
-    return measure(y, p), float(low), float(high)
-
-
-def auc_with_interval(y: Bool, score: Array, start: Index) -> Interval:
-    """The same for the AUC. Where few starts failed, or few succeeded, or where all draws are alike, a bootstrap is too
-    narrow; Wilson's interval of as many never is: the variance of an AUC a is at most a (1 - a) over the smaller number
-    (Birnbaum and Klose 1957)."""
-    found, low, high = with_interval(auc, y, score, start)
-    rare = min(len(np.unique(start[y])), len(np.unique(start[~y])))
-    widest = wilson(found, rare) if rare < FEW or low == high else (low, high)
-    return found, min(low, widest[0]), max(high, widest[1])

@@ -14,7 +14,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import WRONG_VALUE
 
 Z, POWER = 1.959964, 0.841621  # quantiles of the normal distribution: 97.5 %, 80 %
-LEAST = 1e-100  # probability of a stratum: squares of smaller ones are 0
+MIN_STRATUM = 1e-100  # probability of a stratum: squares of smaller ones are 0
 
 
 def wilson(share: float, n: float) -> tuple[float, float]:
@@ -46,13 +46,13 @@ def base_rate(
     and the interval is moved by the skewness of the sum, which makes Wilson's of it where there is one stratum.
     Raises RequestError for numbers that can be none of these.
     """
-    given = successes, episodes, probabilities, np.zeros(np.shape(episodes)) if errors is None else errors
-    s, n, w, e = (np.atleast_1d(np.asarray(one, dtype=np.float64)) for one in given)
+    arrays = successes, episodes, probabilities, np.zeros(np.shape(episodes)) if errors is None else errors
+    s, n, w, e = (np.atleast_1d(np.asarray(one, dtype=np.float64)) for one in arrays)
     if not (s.shape == n.shape == w.shape == e.shape and s.ndim == 1 and len(s)):
         shapes = f"of the shapes {s.shape}, {n.shape} and {w.shape}"
         wanted = "successes, episodes and probabilities of the same strata, (k,) each"
         raise RequestError(WRONG_VALUE(argument="successes", value=shapes, wanted=wanted))
-    run = (n > 0) & (w > LEAST)
+    run = (n > 0) & (w > MIN_STRATUM)
     for argument, value, right, wanted in (
         ("successes", s, (s >= 0) & (s <= n), "from 0 to the episodes"),
         ("episodes", n, n < math.inf, "finite numbers"),
@@ -64,14 +64,14 @@ def base_rate(
             raise RequestError(WRONG_VALUE(argument=argument, value=str(value.tolist()), wanted=wanted))
     s, n, w, e = s[run], n[run], w[run] / max(1.0, w.sum()), e[run]
     known = float(w.sum())
-    met = float((w * s / n).sum())
+    solved = float((w * s / n).sum())
     p = (s + 1.0) / (n + 2.0)
     variance = w**2 * p * (1.0 - p) / n
     skew = Z**2 / 2.0 * float((variance * w * (1.0 - 2.0 * p) / n).sum() / variance.sum())
-    unlike = w * math.log(10.0) * e * (s / n - met / known)  # what it matters that a probability is another one
+    unlike = w * math.log(10.0) * e * (s / n - solved / known)  # what it matters that a probability is another one
     half = math.sqrt(float((Z**2 * variance + unlike**2).sum()))
-    low, high = met + min(0.0, skew - half), met + max(0.0, skew + half)
-    return met / known, max(0.0, low), min(1.0, high + 1.0 - known)
+    low, high = solved + min(0.0, skew - half), solved + max(0.0, skew + half)
+    return solved / known, max(0.0, low), min(1.0, high + 1.0 - known)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ class PairedDifference:
         most, least = int(self.first) + int(self.second), int(min(self.first, self.second))  # numpy's overflow
         return min(1.0, float(2 * sum(math.comb(most, k) for k in range(least + 1)) / 2**most))
 
-    def needed(self, difference: float) -> int:
+    def required_starts(self, difference: float) -> int:
         """How many starts, of the same make, tell such a difference apart: at least as many disagree as it takes, and
         else as many as here (Connor 1987)."""
         disagree = max((self.first + self.second + 1.0) / (self.n + 2.0), difference)
@@ -108,7 +108,7 @@ class PairedDifference:
         return math.ceil(((Z * math.sqrt(disagree) + POWER * within) / difference) ** 2)
 
 
-def needed_unpaired(share: float, difference: float) -> int:
+def required_unpaired_starts(share: float, difference: float) -> int:
     """How many episodes of each of two policies it takes on starts of their own: shares around `share`."""
     one = min(1.0, max(share + difference / 2.0, difference))
     other = one - difference

@@ -9,7 +9,7 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.play.fit.fit import Fit, TaskFit
+from scenegen.learn.success.fit import Fit, TaskFit
 from scenegen.sampling.plan import PHI_TOLERANCE, Account, Piece, Plan, Selection, Tally, digest
 from scenegen.sampling.request import Range
 from scenegen.search.effort import Budget
@@ -51,10 +51,10 @@ class Predicted(Selection):
         """The plan's own account, of all its scenes, and how many of them were kept."""
         looked, kept, total = tally.facts[:OWN_FACTS] or (0.0, 0.0, 0.0)
         own = self.plan.account(replace(tally, facts=tally.facts[OWN_FACTS:]))
-        said = {"range": [self.low, self.high], "policy": self.policy, "task": self.fit.name}
+        request = {"range": [self.low, self.high], "policy": self.policy, "task": self.fit.name}
         note = f"of {looked:,.0f} scenes {kept:,.0f} have a predicted success of {self.low:g}:{self.high:g}"
         note += f"; it is {total / looked:.3g} on the average" if looked else ""
-        return replace(own, info={**own.info, "success": {**said, "kept": kept / max(looked, 1.0)}}, note=note)
+        return replace(own, info={**own.info, "success": {**request, "kept": kept / max(looked, 1.0)}}, note=note)
 
     def misses(self) -> tuple[Array, Array]:
         return Plan.misses(self)  # none: where scenes are missing, few have such a prediction

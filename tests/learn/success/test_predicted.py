@@ -18,7 +18,7 @@ from scenegen.errors.requests import (
     UNREACHED_CELLS,
     WRONG_VALUE,
 )
-from scenegen.play.fit import Fit
+from scenegen.fit import Fit
 from scenegen.sampling.plans import plan_for
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.effort import Budget

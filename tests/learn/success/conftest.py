@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import scenegen
+from scenegen.learn.success.files import BLANK_DIGEST
 from scenegen.play.suites.outcomes import EpisodeOutcome, OutcomesHeader, dump_outcomes
-from scenegen.play.suites.suite import BLANK, MANIFEST, BandData, Suite, SuiteFile, TaskData
+from scenegen.play.suites.suite import SUITE_JSON, BandData, Suite, SuiteFile, TaskData
 
 OWN = """object cube = box(5 cm, 4 cm, 4 cm), can, crate = box(20 cm, 20 cm, 10 cm)
 require noOverlap()
@@ -51,7 +52,8 @@ def make_suite(folder, n=100, seed=3):
     task = TaskData(
         name="cube", instruction="Put it there.", success="goal", scenes="cube.json", sha256=checksum, bands=bands
     )
-    (folder / MANIFEST).write_bytes(SuiteFile(name="halves", digest=BLANK, seed=seed, n=n, tasks=[task]).dump())
+    suite = SuiteFile(name="halves", digest=BLANK_DIGEST, seed=seed, n=n, tasks=[task])
+    (folder / SUITE_JSON).write_bytes(suite.dump())
     return folder
 
 
@@ -91,7 +93,7 @@ def outcomes(halves, tmp_path_factory):
 @pytest.fixture(scope="session")
 def fitted(halves, outcomes, tmp_path_factory):
     """A function from a policy to the file of its fit."""
-    from scenegen.play.fit import fit_outcomes
+    from scenegen.fit import fit_outcomes
 
     folder, made = tmp_path_factory.mktemp("fits"), {}
 

@@ -10,7 +10,7 @@ from scenegen.errors import DataError, RequestError
 from scenegen.errors.learning import MODEL_OF_ANOTHER_SPEC
 from scenegen.errors.requests import OUT_OF_PLACE, WRONG_VALUE
 from scenegen.errors.worlds import NOT_A_SUITE
-from scenegen.play.fit import Fit, base_rate, fit_outcomes, strata
+from scenegen.fit import Fit, base_rate, fit_outcomes, strata
 from scenegen.play.suites.suite import Suite
 
 from .conftest import OWN, TASK, write_outcomes

@@ -20,9 +20,9 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import FLAT, PLACE, span_of
 
 Kind = Literal["phi", "margin", "clutter", "distance", "place"]
-RISING: tuple[Kind, ...] = ("phi", "margin")  # a start where more of these is there is no harder
-MOST_THINGS = 8  # objects of the success formula whose distances and surroundings are looked at
-NEAR = 0.1  # metres
+MONOTONE_KINDS: tuple[Kind, ...] = ("phi", "margin")  # a start where more of these is there is no harder
+MAX_FEATURE_OBJECTS = 8  # objects of the success formula whose distances and surroundings are looked at
+NEAR_DISTANCE = 0.1  # metres
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,14 +33,15 @@ class Feature:
     kind: Kind
 
 
-def measured(spec: CheckedSpec, label: str, rows: Array) -> tuple[tuple[Feature, ...], Array]:
+def measure_features(spec: CheckedSpec, label: str, rows: Array) -> tuple[tuple[Feature, ...], Array]:
     """The features of a spec whose label `label` is success, and their values, (F, B), in scenes with the core's rows
     (3M, B).
 
     Margins that one place of the spec writes for many objects, as `noOverlap()` does, count as one, the least of them.
     """
-    found = [*_of_formula(spec, label, rows), *_of_table(spec, things_of(spec, label), rows)]
-    return tuple(one for one, _ in found), np.stack([np.broadcast_to(value, rows.shape[1]) for _, value in found])
+    features = [*_formula_features(spec, label, rows), *_table_features(spec, things_of(spec, label), rows)]
+    values = np.stack([np.broadcast_to(value, rows.shape[1]) for _, value in features])
+    return tuple(feature for feature, _ in features), values
 
 
 def fingerprint(spec: CheckedSpec, label: str) -> str:
@@ -64,10 +65,10 @@ def things_of(spec: CheckedSpec, label: str) -> list[int]:
     nodes = (spec.core.nodes[index] for index in nodes_below(spec.core.nodes, [spec.core.labels[label]]))
     read = {node.object for node in nodes if isinstance(node, Coord)}
     free = sorted(one for one in read if one < len(spec.objects))
-    return [*free, *(one for one in sorted(spec.fixed) if one not in free)][:MOST_THINGS]
+    return [*free, *(one for one in sorted(spec.fixed) if one not in free)][:MAX_FEATURE_OBJECTS]
 
 
-def _of_formula(spec: CheckedSpec, label: str, rows: Array) -> Iterator[tuple[Feature, Array]]:
+def _formula_features(spec: CheckedSpec, label: str, rows: Array) -> Iterator[tuple[Feature, Array]]:
     core = spec.core
     values = evaluate(core, list(rows), NUMPY)
     yield Feature(f"phi of {label}", "phi"), values[core.labels[label]]
@@ -81,7 +82,7 @@ def _of_formula(spec: CheckedSpec, label: str, rows: Array) -> Iterator[tuple[Fe
         yield Feature(f"margin {place}, of {text}", "margin"), reduce(np.minimum, [margin for _, margin in alike])
 
 
-def _of_table(spec: CheckedSpec, things: list[int], rows: Array) -> Iterator[tuple[Feature, Array]]:
+def _table_features(spec: CheckedSpec, things: list[int], rows: Array) -> Iterator[tuple[Feature, Array]]:
     names, gap = spec.objects, PRIMITIVES["gap"].evaluate
     poses = [rows[span_of(which, len(FLAT))] for which in range(len(names))]
     rooms, near = [], np.zeros(rows.shape[1])
@@ -91,12 +92,12 @@ def _of_table(spec: CheckedSpec, things: list[int], rows: Array) -> Iterator[tup
         gaps = [gap(NUMPY, shapes[one], shapes[other], *poses[one], *poses[other]) for other in others]
         if gaps:
             rooms.append(reduce(np.minimum, gaps))
-            near = near + sum((each < NEAR).astype(np.float64) for each in gaps)
+            near = near + sum((each < NEAR_DISTANCE).astype(np.float64) for each in gaps)
             yield Feature(f"room around {names[one]}", "clutter"), rooms[-1]
     if rooms:
         yield Feature("least room", "clutter"), reduce(np.minimum, rooms)
         yield Feature("mean room", "clutter"), np.mean(rooms, axis=0)
-        yield Feature(f"things within {NEAR:g} m", "clutter"), near
+        yield Feature(f"things within {NEAR_DISTANCE:g} m", "clutter"), near
     for place, one in enumerate(things):
         for other in things[:place]:
             apart = np.hypot(*(poses[one][axis] - poses[other][axis] for axis in PLACE))

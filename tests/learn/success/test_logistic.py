@@ -3,20 +3,18 @@
 import numpy as np
 import pytest
 
-from scenegen.play.fit import logistic
-from scenegen.play.fit.features import Feature
-from scenegen.play.fit.logistic import (
-    Logistic,
-    OddsCurve,
-    Outcomes,
+from scenegen.learn.success import logistic
+from scenegen.learn.success.features import Feature
+from scenegen.learn.success.logistic import Logistic, OddsCurve, Outcomes, fit_logistic, predict_held_out
+from scenegen.learn.success.measures import (
     auc,
-    auc_with_interval,
+    auc_interval,
+    bootstrap_interval,
     brier,
-    by_chance,
     calibration_error,
-    chosen,
+    chance_error,
 )
-from scenegen.play.suites.statistics import wilson
+from scenegen.learn.success.statistics import wilson
 
 KINDS = ("phi", "margin", "place")
 
@@ -46,12 +44,12 @@ def test_weights_are_those_of_scikit_learn():
 
 
 def test_phi_alone_takes_part_where_phi_decides():
-    fit = chosen(outcomes(300, lambda v: 3.0 * v[0]), monotone=False)
+    fit = fit_logistic(outcomes(300, lambda v: 3.0 * v[0]), monotone=False)
     assert [one.feature for one in fit.curves] == ["phi"] and sum(fit.curves[0].heights) > 3.0
 
 
 def test_nothing_takes_part_where_nothing_tells():
-    fit = chosen(outcomes(300, lambda v: 0.0 * v[0] + 0.4), monotone=False)
+    fit = fit_logistic(outcomes(300, lambda v: 0.0 * v[0] + 0.4), monotone=False)
     assert fit.curves == () and fit.bounds == pytest.approx((0.6, 0.6), abs=0.06)
 
 
@@ -59,17 +57,17 @@ def test_predictions_are_calibrated_at_other_starts():
     def odds(v):
         return 2.0 * v[1] - 2.0 * np.abs(v[2])
 
-    fit, other = chosen(outcomes(400, odds), monotone=False), outcomes(20_000, odds, seed=1)
+    fit, other = fit_logistic(outcomes(400, odds), monotone=False), outcomes(20_000, odds, seed=1)
     assert len(fit.curves) == 3
-    assert calibration_error(other.success, other.predicted(fit)) < 0.05
-    assert auc(other.success, other.predicted(fit)) > 0.85
+    assert calibration_error(other.success, other.predict(fit)) < 0.05
+    assert auc(other.success, other.predict(fit)) > 0.85
     low, high = fit.bounds
-    assert low <= other.predicted(fit).min() and other.predicted(fit).max() <= high
+    assert low <= other.predict(fit).min() and other.predict(fit).max() <= high
 
 
 def test_monotone_predictions_never_fall_as_a_margin_rises():
     seen = outcomes(300, lambda v: 3.0 * np.sin(2.0 * v[0]) - v[1] + 2.0 * v[2])
-    fit = chosen(seen, monotone=True)
+    fit = fit_logistic(seen, monotone=True)
     heights = {one.feature: np.array(one.heights) for one in fit.curves}
     assert (heights["phi"] >= 0.0).all() and (heights["margin"] == 0.0).all() and (heights["place"] > 0.0).any()
 
@@ -77,7 +75,7 @@ def test_monotone_predictions_never_fall_as_a_margin_rises():
 def test_one_kind_of_end_gives_a_rate():
     seen = outcomes(60, lambda v: 0.0 * v[0] + 50.0)
     assert seen.success.all()
-    assert chosen(seen, monotone=False).bounds == pytest.approx((61 / 62, 61 / 62))
+    assert fit_logistic(seen, monotone=False).bounds == pytest.approx((61 / 62, 61 / 62))
 
 
 def test_episodes_of_one_start_are_held_out_together():
@@ -88,7 +86,7 @@ def test_episodes_of_one_start_are_held_out_together():
     seen = Outcomes(tuple(Feature(kind, kind) for kind in KINDS), values, success, start)
     for held in logistic._folds(seen, 0):
         assert not set(start[held]) & set(start[~held]) and 0.3 < success[held].mean() < 0.7
-    assert auc(success, logistic.held_out(seen, monotone=False)) < 0.75
+    assert auc(success, predict_held_out(seen, monotone=False)) < 0.75
 
 
 def test_a_prediction_does_not_depend_on_its_company():
@@ -114,7 +112,7 @@ def test_measures_by_hand():
 
 def test_chance_is_what_perfect_predictions_show():
     p = np.random.default_rng(0).random(300)
-    mean, most = by_chance(p)
+    mean, most = chance_error(p)
     one = calibration_error(np.random.default_rng(1).random(300) < p, p)
     assert 0.02 < mean < most < 0.12 and abs(one - mean) < 0.04
 
@@ -127,7 +125,7 @@ def test_intervals_of_measures_cover_what_is_true():
     for _ in range(20):
         score = rng.normal(size=120)
         y = rng.normal(size=120) < score
-        _, low, high = logistic.with_interval(auc, y, score, np.arange(120))
+        _, low, high = bootstrap_interval(auc, y, score, np.arange(120))
         covered += low <= true <= high
     assert covered >= 17
 
@@ -156,11 +154,11 @@ def test_few_of_a_kind_tell_little():
     score, rng = np.arange(60) / 60.0, np.random.default_rng(0)
     for failed in ([7], [0], [3, 9], list(range(9))):
         y = ~np.isin(np.arange(60), failed)
-        found, low, high = auc_with_interval(y, score, np.arange(60))
+        found, low, high = auc_interval(y, score, np.arange(60))
         least, most = wilson(found, len(failed))
         assert low <= least <= found <= most <= high
     y = rng.random(60) < score
-    assert auc_with_interval(y, score, np.arange(60)) == logistic.with_interval(auc, y, score, np.arange(60))
-    assert auc_with_interval(score > 0.5, score, np.arange(60))[1] == pytest.approx(wilson(1.0, 29)[0])
-    repeated = auc_with_interval(np.repeat(score != 0.5, 10), np.repeat(score, 10), np.repeat(np.arange(60), 10))
+    assert auc_interval(y, score, np.arange(60)) == bootstrap_interval(auc, y, score, np.arange(60))
+    assert auc_interval(score > 0.5, score, np.arange(60))[1] == pytest.approx(wilson(1.0, 29)[0])
+    repeated = auc_interval(np.repeat(score != 0.5, 10), np.repeat(score, 10), np.repeat(np.arange(60), 10))
     assert repeated[2] - repeated[1] > 0.8  # of one start, ten times

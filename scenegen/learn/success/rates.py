@@ -15,9 +15,9 @@ from scenegen.validation import as_int
 
 if TYPE_CHECKING:
     from scenegen.api.spec import Spec
-    from scenegen.play.fit.fit import Fit
+    from scenegen.learn.success.fit import Fit
 
-MOST_STRATA = 8
+MAX_STRATA = 8
 
 
 def _variance(n: Array, p: Array, w: Array) -> Array:
@@ -36,10 +36,10 @@ def allocate(probabilities: npt.ArrayLike, predicted: npt.ArrayLike, n: int) -> 
         raise RequestError(WRONG_VALUE(argument="predicted", value=f"{p.tolist()} for {w.tolist()}", wanted=wanted))
     if as_int("n", n) < len(w):
         raise RequestError(WRONG_VALUE(argument="n", value=str(n), wanted=f"at least 1 for each of {len(w)} strata"))
-    given = np.ones(len(w))
+    episodes = np.ones(len(w))
     for _ in range(n - len(w)):
-        given[np.argmax(_variance(given, p, w) - _variance(given + 1.0, p, w))] += 1.0
-    return given.astype(np.intp)
+        episodes[np.argmax(_variance(episodes, p, w) - _variance(episodes + 1.0, p, w))] += 1.0
+    return episodes.astype(np.intp)
 
 
 def strata(fit: Fit, spec: Spec, n: int, *, scenes: int = 50_000, seed: int = 0) -> tuple[Array, Array, Index]:
@@ -47,22 +47,22 @@ def strata(fit: Fit, spec: Spec, n: int, *, scenes: int = 50_000, seed: int = 0)
     their probabilities (k,) in so many random scenes, and how many episodes each gets (k,). k is what makes the
     interval of `base_rate` narrowest, if predictions are right. Raises what `sample`, `Fit.predict` and `allocate`
     raise."""
-    return cut(fit.predict(sample(spec, n=scenes, seed=seed, spread="base")), n)
+    return cut_strata(fit.predict(sample(spec, n=scenes, seed=seed, spread="base")), n)
 
 
-def cut(rate: Array, n: int) -> tuple[Array, Array, Index]:
+def cut_strata(rate: Array, n: int) -> tuple[Array, Array, Index]:
     """The same for random scenes whose predicted rates are `rate` (B,)."""
     order = np.sort(np.round(rate, 9))  # what differs by less is the same prediction
     known = np.unique(order)
     share = np.cumsum(np.sqrt(order * (1.0 - order) + 1e-3))
-    found = []
-    for count in range(1, min(MOST_STRATA, n) + 1):
+    choices = []
+    for count in range(1, min(MAX_STRATA, n) + 1):
         cuts = order[np.searchsorted(share, share[-1] * np.arange(1, count) / count)]  # of equal standard deviations
         place = np.unique(np.searchsorted(known, cuts))
         ends = np.array([0.0, *((known[one - 1] + known[one]) / 2.0 for one in place if one > 0), 1.0])
         which = np.searchsorted(ends[1:-1], rate)  # no scene has the rate of an end
         size = np.bincount(which, minlength=len(ends) - 1)
         w, p = size / len(rate), np.bincount(which, rate) / size
-        given = allocate(w, p, n)
-        found.append((float(_variance(given.astype(np.float64), p, w).sum()), ends, w, given))
-    return min(found, key=lambda one: one[0])[1:]
+        episodes = allocate(w, p, n)
+        choices.append((float(_variance(episodes.astype(np.float64), p, w).sum()), ends, w, episodes))
+    return min(choices, key=lambda choice: choice[0])[1:]

@@ -5,7 +5,7 @@ import pytest
 
 import scenegen
 from scenegen.api.scene_arrays import rows_of
-from scenegen.play.fit.features import fingerprint, measured, things_of
+from scenegen.learn.success.features import fingerprint, measure_features, things_of
 
 from .conftest import OWN, TASK
 
@@ -14,7 +14,7 @@ def of(text, label, poses):
     """The features of one scene by name."""
     spec = scenegen.parse(text)
     scenes = spec.scenes({name: (*pose, 0.0)[:3] for name, pose in poses.items()})
-    features, values = measured(spec.checked, label, rows_of(spec.checked, scenes))
+    features, values = measure_features(spec.checked, label, rows_of(spec.checked, scenes))
     return dict(zip((one.name for one in features), values[:, 0].tolist(), strict=True)), features
 
 
@@ -89,8 +89,8 @@ def test_values_do_not_depend_on_the_company():
     spec = scenegen.parse(OWN)
     scenes = scenegen.sample(spec, n=50, seed=1)
     rows = rows_of(spec.checked, scenes)
-    _, whole = measured(spec.checked, "goal", rows)
-    _, one = measured(spec.checked, "goal", rows[:, 7:8])
+    _, whole = measure_features(spec.checked, "goal", rows)
+    _, one = measure_features(spec.checked, "goal", rows[:, 7:8])
     assert np.allclose(whole[:, 7:8], one, rtol=0.0, atol=1e-14)
 
 
@@ -99,6 +99,6 @@ def test_values_do_not_depend_on_the_company():
 def test_specs_that_ship_have_features(name, root):
     spec = scenegen.load(root / "specs" / f"{name}.spec")
     rows = rows_of(spec.checked, scenegen.sample(spec, n=8))
-    features, values = measured(spec.checked, spec.labels[0], rows)
+    features, values = measure_features(spec.checked, spec.labels[0], rows)
     assert np.isfinite(values).all() and values.shape == (len(features), 8)
     assert len({one.name for one in features}) == len(features) and features[0].kind == "phi"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from scenegen.play.suites.statistics import PairedDifference, needed_unpaired, wilson
+from scenegen.learn.success.statistics import PairedDifference, required_unpaired_starts, wilson
 
 
 @pytest.mark.parametrize("hits, n", [(0, 10), (3, 10), (50, 50), (417, 2500)])
@@ -35,13 +35,15 @@ def test_intervals_cover():
 def test_episodes_that_a_difference_needs():
     """So many give the power that is promised: 80 %, in 1,000 repeats of the exact test."""
     rng = np.random.default_rng(5)
-    n = PairedDifference(150, 100, 1000).needed(0.05)
+    n = PairedDifference(150, 100, 1000).required_starts(0.05)
     one, other, _ = rng.multinomial(n, [0.15, 0.10, 0.75], size=1000).T
     found = np.mean([PairedDifference(int(a), int(b), n).p < 0.05 for a, b in zip(one, other, strict=True)])
     assert 0.74 <= found <= 0.84
-    assert needed_unpaired(0.45, 0.1) == 388  # as tables have it
+    assert required_unpaired_starts(0.45, 0.1) == 388  # as tables have it
     assert math.isclose(
-        PairedDifference(0, 0, 1000).needed(0.05), PairedDifference(0, 49, 1000).needed(0.05), abs_tol=9
+        PairedDifference(0, 0, 1000).required_starts(0.05),
+        PairedDifference(0, 49, 1000).required_starts(0.05),
+        abs_tol=9,
     )
 
 
@@ -53,14 +55,14 @@ def test_a_difference_near_the_ends_needs_what_it_needs_there(share, low, high):
     """The pair that is that far apart; the number is by the textbook, from scipy's quantiles."""
     z, power, middle = stats.norm.ppf(0.975), stats.norm.ppf(0.8), (low + high) / 2
     root = z * math.sqrt(2 * middle * (1 - middle)) + power * math.sqrt(low * (1 - low) + high * (1 - high))
-    assert needed_unpaired(share, 0.05) == math.ceil((root / 0.05) ** 2)
-    assert needed_unpaired(1.0, 0.05) == 152
+    assert required_unpaired_starts(share, 0.05) == math.ceil((root / 0.05) ** 2)
+    assert required_unpaired_starts(1.0, 0.05) == 152
 
 
 @pytest.mark.parametrize("kind", [np.int64, np.int32, np.uint8, np.uint64])
 def test_numbers_of_numpy(kind):
     mine, theirs = PairedDifference(40, 90, 200), PairedDifference(*map(kind, (40, 90, 200)))
-    for one in (lambda x: x.p, lambda x: x.difference, lambda x: x.interval, lambda x: x.needed(0.05)):
+    for one in (lambda x: x.p, lambda x: x.difference, lambda x: x.interval, lambda x: x.required_starts(0.05)):
         assert one(theirs) == one(mine)
     assert PairedDifference(kind(100), kind(100), kind(200)).p == 1.0
 

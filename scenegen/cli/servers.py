@@ -113,5 +113,5 @@ def _needs(packages: tuple[str, ...], purpose: str, extra: str, otherwise: str =
     except ModuleNotFoundError as error:
         if error.name is None or error.name.split(".")[0] not in packages:
             raise
-        command = f'pip install "scenegen[{extra}]"{otherwise}'
+        command = f'pip install "scenegen-dsl[{extra}]"{otherwise}'
         raise RequestError(NOT_INSTALLED(package=packages[0], purpose=purpose, command=command)) from None

@@ -331,7 +331,7 @@ def open_store(location: str, tell: Tell | None = None) -> Store:
     try:
         import pyarrow  # noqa: F401 - loaded here for the first time
     except ModuleNotFoundError as error:
-        command = 'pip install "scenegen[parquet]"'
+        command = 'pip install "scenegen-dsl[parquet]"'
         raise RequestError(NOT_INSTALLED(package="pyarrow", purpose="for sets of scenes", command=command)) from error
     return store_at(location, tell)
 

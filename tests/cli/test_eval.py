@@ -280,7 +280,7 @@ def test_without_pygls(scenegen, monkeypatch, assert_one_diagnostic):
     outcome = scenegen("lsp")
     assert (outcome.status, outcome.out) == (1, "")
     assert_one_diagnostic(outcome.err)
-    assert 'pip install "scenegen[lsp]"' in outcome.err
+    assert 'pip install "scenegen-dsl[lsp]"' in outcome.err
 
 
 def test_a_root_that_is_no_folder(scenegen, tmp_path, assert_one_diagnostic):

@@ -161,7 +161,7 @@ def test_pybullet_loads_what_is_written(scenegen, here, scenes_export):
 
 @pytest.mark.long
 def test_usd_opens_what_is_written(scenegen, here, scenes_export):
-    usd = pytest.importorskip("pxr.Usd", reason="usd-core is not installed (pip install 'scenegen[usd]')")
+    usd = pytest.importorskip("pxr.Usd", reason="usd-core is not installed (pip install 'scenegen-dsl[usd]')")
     done = scenegen("export", "s.json", "--to", "usd", "--out", "stages")
     assert (done.status, done.out, done.err) == (0, "", "3 scenes in stages: scene_0001.usda to scene_0003.usda\n")
     assert files(here / "stages") == ["meshes", "scene_0001.usda", "scene_0002.usda", "scene_0003.usda"]

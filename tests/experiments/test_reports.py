@@ -378,7 +378,7 @@ def test_a_folder_that_cannot_be_made(refused):
 def test_a_missing_library_is_named_before_any_work(refused, monkeypatch):
     monkeypatch.setitem(sys.modules, "sklearn", None)
     said = refused("exp1", "--out", "reports", "--quick")
-    assert "scikit-learn" in said and 'pip install "scenegen[experiments]"' in said
+    assert "scikit-learn" in said and 'pip install "scenegen-dsl[experiments]"' in said
 
 
 def test_a_quick_run_does_not_replace_real_numbers(tmp_path, capsys):

@@ -128,7 +128,7 @@ def test_without_usd(tmp_path):
             1,
             [
                 "error[not-installed]: pxr is needed to write USD, and is not installed",
-                ' = help: pip install "scenegen[usd]"',
+                ' = help: pip install "scenegen-dsl[usd]"',
             ],
         )
     assert other[0] == 0

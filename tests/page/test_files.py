@@ -311,7 +311,7 @@ def test_the_page_is_told_what_a_format_needs(tmp_path, monkeypatch):
     monkeypatch.setattr("scenegen.page.project.found", lambda package: package == "pxr")
     assert missing(tmp_path) == {}
     monkeypatch.setattr("scenegen.page.project.found", lambda package: False)
-    assert missing(tmp_path) == {"usd": 'pip install "scenegen[usd]"'}
+    assert missing(tmp_path) == {"usd": 'pip install "scenegen-dsl[usd]"'}
 
 
 def test_the_page_is_told_which_methods_and_formats_there_are(tmp_path, monkeypatch, root):

@@ -156,7 +156,7 @@ def test_without_the_library(tmp_path, monkeypatch):
     monkeypatch.delitem(sys.modules, "scenegen.scenes.formats.parquet", raising=False)
     with pytest.raises(RequestError, match=r"pyarrow is needed for .parquet files, and is not installed") as caught:
         format_of(tmp_path / "x.parquet")
-    assert caught.value.diagnostics[0].help == 'pip install "scenegen[parquet]"'
+    assert caught.value.diagnostics[0].help == 'pip install "scenegen-dsl[parquet]"'
 
 
 def test_columns_that_would_share_a_name(scenes, tmp_path):

@@ -117,7 +117,7 @@ def test_without_coacd_it_is_said_how_to_get_it(monkeypatch):
     with pytest.raises(RequestError) as caught:
         convex_pieces(APART)
     assert caught.value.diagnostics[0].code == "not-installed"
-    assert "scenegen[meshes]" in caught.value.diagnostics[0].help
+    assert "scenegen-dsl[meshes]" in caught.value.diagnostics[0].help
 
 
 def robot(inside, rest=""):

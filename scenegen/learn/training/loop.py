@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 # TensorBoard event files: `--log-dir DIR`, then `tensorboard --logdir DIR`.
 #
-# Written with TensorBoard's own writer (`pip install "scenegen[tensorboard]"`, which brings the viewer as well).
+# Written with TensorBoard's own writer (`pip install "scenegen-dsl[tensorboard]"`, which brings the viewer as well).
 # Steps are the optimiser's. A resumed run may write into the folder of the earlier one: of steps that occur twice,
 # TensorBoard shows the later ones.
 
@@ -64,7 +64,7 @@ def event_log(folder: Path) -> Iterator[Callable[[EpochReport], None]]:
     Raises RequestError where TensorBoard is not installed, OutputError where the folder cannot be written to.
     """
     if importlib.util.find_spec("tensorboard") is None:  # told before the work starts
-        command = 'pip install "scenegen[tensorboard]"'
+        command = 'pip install "scenegen-dsl[tensorboard]"'
         raise RequestError(NOT_INSTALLED(package="tensorboard", purpose="for event files", command=command))
     with report_write_errors(folder):
         made = [path for path in (folder, *folder.parents) if not path.exists()]

@@ -21,7 +21,7 @@ try:
     from stable_baselines3.common.vec_env import VecEnv
     from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 except ImportError as problem:
-    command = 'pip install "scenegen[experiments]"'
+    command = 'pip install "scenegen-dsl[experiments]"'
     missing = NOT_INSTALLED(package="stable-baselines3", purpose="for learners of it", command=command)
     raise gym_error(missing, error.DependencyNotInstalled) from problem
 

@@ -215,7 +215,7 @@ def _ray() -> Any:
     try:
         import ray
     except ModuleNotFoundError as error:
-        command = 'pip install "scenegen[ray]"'
+        command = 'pip install "scenegen-dsl[ray]"'
         raise RequestError(NOT_INSTALLED(package="ray", purpose="for <engine=ray>", command=command)) from error
     return ray
 

@@ -1,6 +1,6 @@
 """Scenes as Parquet: columns `mug.x`, `mug.y`, `mug.theta`, ..., `phi.task`, the header in the file's metadata.
 
-Needs pyarrow (`pip install "scenegen[parquet]"`). Row groups have a fixed number of scenes, so the bytes depend on the
+Needs pyarrow (the extra `parquet`). Row groups have a fixed number of scenes, so the bytes depend on the
 scenes, the header and pyarrow's version, not on the sizes of the blocks. Coordinates are nearly random: byte stream
 splitting with zstd at level 1 saves an eighth of the space at 0.2 microseconds per scene, dictionaries save nothing.
 Every page has a checksum, which is checked when it is read.

@@ -88,7 +88,7 @@ def format_of(path: Path, kind: str = SCENES) -> Any:
         library = (error.name or "").partition(".")[0]
         if library not in EXTRAS:
             raise
-        purpose, command = f"for {path.suffix} files", f'pip install "scenegen[{EXTRAS[library]}]"'
+        purpose, command = f"for {path.suffix} files", f'pip install "scenegen-dsl[{EXTRAS[library]}]"'
         raise RequestError(NOT_INSTALLED(package=library, purpose=purpose, command=command)) from error
     return getattr(found, name) if name else found
 

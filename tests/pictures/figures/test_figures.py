@@ -285,7 +285,7 @@ def test_without_pyav_one_sentence_says_what_to_install(motions, tmp_path, monke
     for draw in (lambda: motions.animate(tmp_path / "x.mp4", 1), lambda: motions.figures(tmp_path / "all", "mp4")):
         with pytest.raises(scenegen.RequestError, match=r"av is needed for MP4 files, and is not installed") as error:
             draw()
-        assert 'pip install "scenegen[video]"' in str(error.value)
+        assert 'pip install "scenegen-dsl[video]"' in str(error.value)
     assert not list(tmp_path.iterdir())
 
 

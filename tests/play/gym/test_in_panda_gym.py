@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 @pytest.fixture(scope="module")
 def page():
-    pytest.importorskip("panda_gym", reason="panda-gym is not installed (pip install 'scenegen[robots]')")
+    pytest.importorskip("panda_gym", reason="panda-gym is not installed (pip install 'scenegen-dsl[robots]')")
     return example("panda_gym")
 
 

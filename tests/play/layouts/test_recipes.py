@@ -64,7 +64,7 @@ def test_isaac_lab(layouts, expected):
 
 def test_isaac_lab_with_usd(tmp_path, monkeypatch):
     """Each object that can be moved is where the scene has it; what is held in place is none."""
-    pytest.importorskip("pxr", reason="usd-core is not installed (pip install 'scenegen[usd]')")
+    pytest.importorskip("pxr", reason="usd-core is not installed (pip install 'scenegen-dsl[usd]')")
     assets, sim = ModuleType("isaaclab.assets"), ModuleType("isaaclab.sim")
     sim.UsdFileCfg = assets.AssetBaseCfg = SimpleNamespace
 

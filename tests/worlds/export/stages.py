@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-pxr = pytest.importorskip("pxr", reason="usd-core is not installed (pip install 'scenegen[usd]')")
+pxr = pytest.importorskip("pxr", reason="usd-core is not installed (pip install 'scenegen-dsl[usd]')")
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade, UsdValidation  # noqa: E402
 
 

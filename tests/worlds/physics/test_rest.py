@@ -62,7 +62,7 @@ def boxes():
 @pytest.fixture(params=SIMULATORS)
 def simulator_rest(request):
     if request.param == "mujoco":
-        pytest.importorskip("mujoco", reason="mujoco is not installed (pip install 'scenegen[mujoco]')")
+        pytest.importorskip("mujoco", reason="mujoco is not installed (pip install 'scenegen-dsl[mujoco]')")
     return request.param
 
 
@@ -191,7 +191,7 @@ def test_no_scenes_are_refused_and_a_missing_simulator_is_named(monkeypatch):
     monkeypatch.setattr("scenegen.needs.found", lambda package: package != "mujoco")
     with pytest.raises(RequestError, match="mujoco") as error:
         scenegen.settle(boxes(), "mujoco")
-    assert 'pip install "scenegen[mujoco]"' in str(error.value)
+    assert 'pip install "scenegen-dsl[mujoco]"' in str(error.value)
 
 
 def test_what_diverges_is_null_and_has_not_settled(tmp_path):
@@ -219,7 +219,9 @@ def test_what_diverges_is_null_and_has_not_settled(tmp_path):
     assert first["phi"]["task"] is None and first["objects"]["near"]["x"] is None and not first["settled"]
 
 
-mujoco = pytest.importorskip("mujoco", reason="mujoco, the oracle, is not installed (pip install 'scenegen[mujoco]')")
+mujoco = pytest.importorskip(
+    "mujoco", reason="mujoco, the oracle, is not installed (pip install 'scenegen-dsl[mujoco]')"
+)
 
 POSES = 20  # of each pair of shapes
 NEAR = 1e-6  # metres

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 Draw = Callable[[Spec, SampleRequest], SceneSet]
 
 ROUND_CANDIDATES = 65_536  # candidates that are scored together
-MAX_ROUNDS = 64
+MAX_COMPLETION_ROUNDS = 64
 
 
 def many_given(fix: object) -> bool:
@@ -180,7 +180,7 @@ def _draw_candidates(
     wanted = np.concatenate([generator.permutation(possible) for _ in range(0, count, len(possible))])[:count]
     draws = 0
     span = (problem.highest - problem.lowest)[:, None]
-    for turn in range(MAX_ROUNDS):
+    for turn in range(MAX_COMPLETION_ROUNDS):
         waiting = np.flatnonzero(~hit)
         if not len(waiting) or time.monotonic() - began > request.timeout:
             break
@@ -191,7 +191,7 @@ def _draw_candidates(
         given = np.repeat(held[:, some], each, axis=1)
         rows = np.where(np.isnan(given), rows, given)
         cell = cells.find(problem.phi(rows)).reshape(len(some), each)
-        strict = request.spread == "flat" and turn < MAX_ROUNDS // 2
+        strict = request.spread == "flat" and turn < MAX_COMPLETION_ROUNDS // 2
         fits = cell == wanted[some, None] if strict else cell >= 0
         new = fits.any(axis=1)
         first = fits.argmax(axis=1)

@@ -43,7 +43,7 @@ from scenegen.validation import as_int, as_seconds
 # values of phi that are tabled, as shares of the way from 0 to either end, or from end to end where 0 is not between
 SHARES_BELOW, SHARES_ABOVE = (0.97, 0.8, 0.6, 0.4, 0.2, 0.05), (0.1, 0.3, 0.5, 0.7, 0.85, 0.95)
 SHARES_ACROSS = (0.03, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
-CURVE_POINTS = 64  # values of phi of a curve, evenly apart; the levels of the runs come on top
+RARITY_CURVE_POINTS = 64  # values of phi of a curve, evenly apart; the levels of the runs come on top
 HARD, MIDDLE, EASY = (0.001, 0.1), (0.4, 0.6), (0.1, 0.001)  # of the scenes: how many lie below (easy: above)
 SATISFIED_SHARE = 0.9  # of the way from 0 to the top: the last part is the rarest, and no use as a goal
 CROWDED = 0.5  # unless so much of what is satisfied lies there, as where a body rests on another: then all of it,
@@ -268,7 +268,7 @@ def _report(label: str, bounds: Bounds, reach: PhiDistribution) -> LabelRarity:
 
 def _places(reach: PhiDistribution) -> list[float]:
     """Where a curve has points: evenly over what was reached, and where each run had its levels."""
-    even = np.linspace(reach.down.end, reach.up.end, CURVE_POINTS)
+    even = np.linspace(reach.down.end, reach.up.end, RARITY_CURVE_POINTS)
     places = np.unique(np.concatenate([even, reach.up.levels[1:], -reach.down.levels[1:]]))
     return [float(phi) for phi in places]
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenegen.cli.options import MESHES_FOLDER, POSES_OF, argument, option
+from scenegen.cli.options import MESHES_OPTION, POSES_OF, argument, option
 from scenegen.cli.output import complain, flag, note, note_others, print_error
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_PLACE
@@ -21,7 +21,7 @@ def export(
     to: str | None = option("mjcf, sdf, usd, pddl, json, jsonl or parquet; default: by the ending of --out."),
     spec: Path | None = POSES_OF,
     mirrored: bool = option("Write each scene as in a mirror, left and right exchanged."),
-    meshes: Path | None = MESHES_FOLDER,
+    meshes: Path | None = MESHES_OPTION,
     looks: str | None = option(
         "mjcf, usd: random, or a TOML file, as of scenegen render: another look for each scene.", "LOOKS"
     ),

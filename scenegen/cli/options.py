@@ -217,7 +217,7 @@ POSES_OF = option(
     callback=lambda path: None if path is None else find_spec(path),
     autocompletion=spec_names,
 )
-MESHES_FOLDER = option("The folder of the spec's meshes, assets and URDF files: objects as they are in these.", "DIR")
+MESHES_OPTION = option("The folder of the spec's meshes, assets and URDF files: objects as they are in these.", "DIR")
 ENGINE = option(
     "What does many jobs: local processes, or a ray cluster. The bytes are the same.",
     default="local",

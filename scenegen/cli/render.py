@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenegen.cli.many import JobMessages, names_of, refuse_engine, shared_work
-from scenegen.cli.options import ADDRESS, ENGINE, MESHES_FOLDER, PICTURES, POSES_OF, argument, option
+from scenegen.cli.options import ADDRESS, ENGINE, MESHES_OPTION, PICTURES, POSES_OF, argument, option
 from scenegen.cli.output import note, note_others, print_error, progress_bar
 from scenegen.errors import RequestError, Source, Span
 from scenegen.errors.program import NOT_ITS_MODEL
@@ -48,7 +48,7 @@ def render(
     looks: str | None = option(
         "random, or a TOML file: draw table, ground, walls, light, camera and tints for each scene.", "LOOKS"
     ),
-    meshes: Path | None = MESHES_FOLDER,
+    meshes: Path | None = MESHES_OPTION,
     spec: Path | None = POSES_OF,
     seed: int = option("With --looks: the same seed gives the same looks.", default=0),
     workers: int | None = option("Processes that draw; default: one per core."),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from scenegen.cli import options
 from scenegen.cli.many import JobMessages, folder_for, names_of, refuse_engine, shared_work
-from scenegen.cli.options import ADDRESS, ENGINE, MESHES_FOLDER, POSES_OF, WORKERS, argument, option
+from scenegen.cli.options import ADDRESS, ENGINE, MESHES_OPTION, POSES_OF, WORKERS, argument, option
 from scenegen.cli.output import print_error, progress_bar
 from scenegen.errors import RequestError
 from scenegen.errors.requests import WRONG_VALUE
@@ -28,7 +28,7 @@ def settle(
     max_shift: str = option("How far an object may move.", "LENGTH", default="2mm"),
     max_turn: str = option("By how much an object may turn, about any axis.", "ANGLE", default="2deg"),
     spec: Path | None = POSES_OF,
-    meshes: Path | None = MESHES_FOLDER,
+    meshes: Path | None = MESHES_OPTION,
     workers: int | None = WORKERS,
     engine: str = ENGINE,
     address: str | None = ADDRESS,

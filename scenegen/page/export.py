@@ -31,7 +31,7 @@ from scenegen.scenes.files import check_writable, write_whole
 from scenegen.scenes.formats.registry import check_ending
 from scenegen.scenes.motions import MotionFile
 
-SATISFIED_SHARE = 0.4  # of the scenes: satisfy every label; the others are spread over what phi can be
+EXPORTED_SATISFIED_SHARE = 0.4  # of the scenes: satisfy every label; the others are spread over what phi can be
 MAX_PAGE_BYTES = 25_000_000
 
 
@@ -85,7 +85,7 @@ def _draw_parts(spec: Spec, rare: SpecRarity, n: int, draw: Callable[[Phi, int],
     for the share `inset` at each of its ends."""
     parts: list[SetT] = []
     with contextlib.suppress(RequestError):  # nothing satisfies it: all are spread
-        parts.append(draw(dict.fromkeys(spec.labels, (0.0, None)), max(1, round(SATISFIED_SHARE * n))))
+        parts.append(draw(dict.fromkeys(spec.labels, (0.0, None)), max(1, round(EXPORTED_SATISFIED_SHARE * n))))
     rest = n - sum(map(len, parts))
     if rest > 0:
         first = rare.labels[0]

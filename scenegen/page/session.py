@@ -23,7 +23,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from scenegen.page.limits import JOB_SECONDS, MAX_PAGE_SCENES, MAX_PAGE_WORKERS, MAX_TEXT, MAX_WAITING
 from scenegen.page.project import FileRefused, Folder
-from scenegen.page.worker import END, FORK, MAX_LINE_BYTES, WORKER_ORDER, dumps
+from scenegen.page.worker import END, FORK, MAX_MESSAGE_BYTES, WORKER_ORDER, dumps
 from scenegen.processes.process import cannot_start, command, environment
 
 
@@ -82,7 +82,7 @@ class Workers:
             raise PageWorkerEnded("the program that workers are forked from ended") from error
         finally:
             theirs.close()
-        reader, writer = await asyncio.open_unix_connection(sock=ours, limit=MAX_LINE_BYTES)
+        reader, writer = await asyncio.open_unix_connection(sock=ours, limit=MAX_MESSAGE_BYTES)
         worker = PageWorker(self, number, reader, writer)
         self.alive.add(worker)
         return worker

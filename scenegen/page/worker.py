@@ -29,7 +29,7 @@ from scenegen.page.jobs.source import refusal
 from scenegen.page.limits import MAX_WORKER_MEMORY
 from scenegen.processes.process import cannot_start, is_limit
 
-MAX_LINE_BYTES = 256 << 20  # bytes of one message: JSON, one a line
+MAX_MESSAGE_BYTES = 256 << 20  # bytes of one message: JSON, one a line
 
 
 def dumps(value: Any) -> bytes:

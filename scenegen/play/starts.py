@@ -42,7 +42,7 @@ Wanted: TypeAlias = "Phi | PhiBox | Strategy | StartSource | Callable[[], Phi | 
 FIRST_STARTS, MAX_STARTS = 1024, 16_384  # scenes of the first draw at a range, and of later ones at most
 STARTS_AHEAD = 4096  # scenes of a range that a generator chooses among
 MAX_RANGES = 64  # whose scenes are kept
-HELD_TOLERANCE = 1e-3, 0.01  # metres and radians by which a held object may be off in a simulation
+START_TOLERANCES = 1e-3, 0.01  # metres and radians by which a held object may be off in a simulation
 
 
 SortedRanges: TypeAlias = tuple[tuple[str, Range], ...]
@@ -266,7 +266,7 @@ def phi_at(spec: Spec, start: Start, poses: Array) -> dict[str, float]:
     RequestError where an object that the spec holds is elsewhere."""
     checked = spec.checked
     rows = wrap_headings(as_rows(poses[None]))
-    moved = held_elsewhere(checked, rows, *HELD_TOLERANCE)
+    moved = held_elsewhere(checked, rows, *START_TOLERANCES)
     if moved is not None:
         raise RequestError(HELD_ELSEWHERE(**fixed_pose_facts(checked, moved[0]), place="in the simulation"))
     if checked.choices:

@@ -201,7 +201,8 @@ MAX_TAIL_CHAINS, MIN_TAIL_CHAINS = 8192, 256  # chains of a run
 MIN_LEVELS = 15  # levels that the effort of a run must cover if every level takes the maximum number of moves
 # node visits of the runs together, and of meeting the requirement: some 8 s each, rarely spent
 RARITY_VISITS = 5_000_000_000
-SHAPE_COST = 60  # cost of a footprint with corners, in plain nodes; two of them in one node cost four times as much
+# cost of a footprint with corners, in plain nodes; two of them in one node cost four times as much
+RARITY_SHAPE_COST = 60
 MOVES_PER_REQUIRED_LEVEL = 4  # the same for the requirement: all runs start from there
 MAX_CHAIN_ROWS = 20  # with so many moving rows, chains that start at uniform scenes fail
 MIN_AFFORDED_CHAINS = 100  # chains: if the effort does not allow so many, growth is used instead
@@ -278,7 +279,7 @@ def cost(core: Core) -> int:
     """About the cost of phi of one scene, in visits of plain nodes."""
     shapes = [node.shapes for node in core.nodes if isinstance(node, Apply)]
     cornered = [sum(not isinstance(shape, Circle) for shape in pair) for pair in shapes]
-    return len(core.nodes) + SHAPE_COST * sum(many * many for many in cornered)
+    return len(core.nodes) + RARITY_SHAPE_COST * sum(many * many for many in cornered)
 
 
 def _chains(cores: Sequence[Core], lowest: Array, highest: Array, effort: int) -> int:

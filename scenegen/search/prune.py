@@ -312,7 +312,7 @@ def _args(core: Core, index: int) -> tuple[int, ...]:
     return node.args if isinstance(node, Junction) else ()
 
 
-ROUND_SCENES = 1024  # of one round of the search
+PRUNE_ROUND_SCENES = 1024  # of one round of the search
 KEPT_SCENES = 32
 MAX_SEARCH_ROUNDS = 40
 FIRST_SCENES = 128  # scenes that are looked at before anything else
@@ -369,7 +369,7 @@ def find_witness(
     for row, at in tape.rows.items():
         low[row], high[row] = max(low[row], lo[at, 0]), min(high[row], hi[at, 0])
     free = np.flatnonzero(high > low)
-    count = max(KEPT_SCENES, min(ROUND_SCENES, PILOT_NUMBERS // len(core.nodes)))
+    count = max(KEPT_SCENES, min(PRUNE_ROUND_SCENES, PILOT_NUMBERS // len(core.nodes)))
     rows = low[:, None] + (high - low)[:, None] * rng.random((len(low), count))
     best, margins = _best(core, wanted, effort, rows)
     step = 0.3

@@ -17,7 +17,7 @@ from scenegen.things.outline import Floats, Indices, MeshError
 if TYPE_CHECKING:
     from PIL import Image
 
-MAX_COORDINATE = 1e9  # of a coordinate, in the file's own unit
+MAX_MESH_COORDINATE = 1e9  # of a coordinate, in the file's own unit
 MAX_VERTICES = 4_000_000  # of all meshes together, counted as often as they are placed
 MAX_TRIANGLES = 4_000_000
 MAX_PIXELS = 2**26  # of all textures together: four of 4,096 by 4,096

@@ -19,12 +19,12 @@ from urllib.parse import unquote
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.things.colored_mesh import MAX_COORDINATE, WHITE, ColoredMesh, MeshBudget, tidy
+from scenegen.things.colored_mesh import MAX_MESH_COORDINATE, WHITE, ColoredMesh, MeshBudget, tidy
 from scenegen.things.library import RGB
 from scenegen.things.outline import Floats, Indices, MeshError
 
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
-MAX_JSON_BYTES = 16_000_000  # bytes of JSON
+MAX_GLTF_JSON_BYTES = 16_000_000  # bytes of JSON
 MAX_BUFFER_BYTES = 128_000_000  # of all buffers and images together
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 ACCESSOR_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -68,7 +68,7 @@ class GltfItem:
     def numbers(self, name: str, count: int, default: Sequence[float]) -> Floats:
         value = self.data.get(name, default)
         numeric = isinstance(value, list | tuple) and all(type(one) in (int, float) for one in value)
-        if not numeric or len(value) != count or not all(abs(one) <= MAX_COORDINATE for one in value):  # nor nan
+        if not numeric or len(value) != count or not all(abs(one) <= MAX_MESH_COORDINATE for one in value):  # nor nan
             raise MeshError(
                 f"{name} of {self.place} is not {count} numbers"
                 if count > 1
@@ -184,8 +184,8 @@ def open_document(name: str, data: bytes, read: Callable[[str], bytes]) -> GltfD
     text = data
     if PurePosixPath(name.replace("\\", "/")).suffix.lower() == ".glb":
         text, binary = _chunks(data)
-    if len(text) > MAX_JSON_BYTES:
-        raise MeshError(f"its JSON is larger than {MAX_JSON_BYTES:,} bytes")
+    if len(text) > MAX_GLTF_JSON_BYTES:
+        raise MeshError(f"its JSON is larger than {MAX_GLTF_JSON_BYTES:,} bytes")
     try:
         root = json.loads(text.decode("utf-8-sig"))
     except (ValueError, RecursionError):
@@ -306,7 +306,7 @@ class _GltfReader:
         if not len(faces):
             return None
         placed = points @ turn[:3, :3].T + turn[:3, 3]
-        if not np.isfinite(placed).all() or np.abs(placed).max() > MAX_COORDINATE:
+        if not np.isfinite(placed).all() or np.abs(placed).max() > MAX_MESH_COORDINATE:
             raise MeshError("a coordinate in it is no number, or beyond all measure")
         if np.linalg.det(turn[:3, :3]) < 0.0:
             faces = faces[:, ::-1].copy()

@@ -18,7 +18,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from scenegen.things import gltf
-from scenegen.things.colored_mesh import MAX_COORDINATE, WHITE, ColoredMesh, MeshBudget, refuse_layers, tidy, used
+from scenegen.things.colored_mesh import MAX_MESH_COORDINATE, WHITE, ColoredMesh, MeshBudget, refuse_layers, tidy, used
 from scenegen.things.library import RGB
 from scenegen.things.outline import Floats, Indices, MeshError
 
@@ -108,7 +108,7 @@ def vertices(name: str, data: bytes) -> Floats:
 def _finite(found: Floats) -> Floats:
     if not len(found):
         raise MeshError("it has no vertices")
-    if not np.isfinite(found).all() or np.abs(found).max() > MAX_COORDINATE:
+    if not np.isfinite(found).all() or np.abs(found).max() > MAX_MESH_COORDINATE:
         raise MeshError("a coordinate in it is no number, or beyond all measure")
     return found
 
@@ -408,7 +408,7 @@ def _floats(words: list[bytes], place: str) -> list[float]:
         values = [float(word) for word in words]
     except ValueError:
         raise MeshError(f"{place}: here must be numbers") from None
-    if not all(abs(value) <= MAX_COORDINATE for value in values):  # nor nan
+    if not all(abs(value) <= MAX_MESH_COORDINATE for value in values):  # nor nan
         raise MeshError(f"{place}: a number is none, or beyond all measure")
     return values
 

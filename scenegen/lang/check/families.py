@@ -228,11 +228,11 @@ def category_of(
         if "assets" in given and name in given:  # which has chosen already
             raise SpecError(NOT_A_CATEGORY(given[name].span(thing.source), usage=SIGNATURE.usage))
     if "assets" in given:
-        assets = _written(given["assets"], thing, outlined)
+        assets = _listed_shapes(given["assets"], thing, outlined)
     else:
         names = _category_folders(path.value, path.span(thing.source), project)
         folder = path.value.replace("\\", "/").rpartition("/")[0]
-        chosen = _some(names, most or len(names), seed)
+        chosen = _pick_names(names, most or len(names), seed)
         _refuse_many(len(chosen) ** count, here, thing)  # before any mesh is read
         at = path.span(thing.source)
         assets = tuple(asset_shape(f"{folder}/{name}" if folder else name, at, project) for name in chosen)
@@ -309,7 +309,7 @@ def _category_folders(path: str, here: Span, project: Project) -> list[str]:
     return known[name]
 
 
-def _some(names: Sequence[str], most: int, seed: int) -> list[str]:
+def _pick_names(names: Sequence[str], most: int, seed: int) -> list[str]:
     """`most` of the names in their order, drawn by `seed`: which are drawn depends little on what else there is."""
     if most >= len(names):
         return list(names)
@@ -335,7 +335,7 @@ def _picks(expr: ast.Expr | None, count: int, most: int, thing: DeclaredObject) 
     return picks
 
 
-def _written(expr: ast.Expr, thing: DeclaredObject, outlined: Callable[[ast.Expr], Shape]) -> tuple[Shape, ...]:
+def _listed_shapes(expr: ast.Expr, thing: DeclaredObject, outlined: Callable[[ast.Expr], Shape]) -> tuple[Shape, ...]:
     """The assets of a canonical text."""
     found: list[Shape] = []
     for item in expr.items if isinstance(expr, ast.List) else ():

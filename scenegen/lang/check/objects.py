@@ -172,7 +172,7 @@ def name_objects(
             objects[thing.name.id] = len(objects)
         else:
             if isinstance(one.count, ast.Range):
-                drawn = _drawn(lowering, thing.name.id, one.count, thing.source, len(objects))
+                drawn = _drawn_count(lowering, thing.name.id, one.count, thing.source, len(objects))
                 lowering.scope.counts[thing.name.id] = drawn
                 count = (counts or {}).get(thing.name.id, drawn.most)
             else:
@@ -197,7 +197,7 @@ def _count(lowering: Lowering, expr: ast.Expr, source: Source, before: int) -> i
     return count
 
 
-def _drawn(lowering: Lowering, name: str, drawn: ast.Range, source: Source, before: int) -> Count:
+def _drawn_count(lowering: Lowering, name: str, drawn: ast.Range, source: Source, before: int) -> Count:
     least, most = (_count(lowering, end, source, before) for end in (drawn.lowest, drawn.highest))
     if least > most:
         written = isinstance(drawn.lowest, ast.Quantity) and isinstance(drawn.highest, ast.Quantity)
@@ -463,7 +463,7 @@ def _centimetres(draft: Draft) -> Iterator[Diagnostic]:
         match one.statement:
             case ast.Objects(declarations):
                 measured = [(each.shape, far) for each in declarations if isinstance(each.shape, ast.Call)]
-                measured = [(node, most) for node, most in measured if _named(node) in OUTLINES]
+                measured = [(node, most) for node, most in measured if _function_name(node) in OUTLINES]
             case ast.Region(shape=ast.Call() as shape):
                 measured = [(shape, far)]
             case ast.Workspace() if max(space.x[1] - space.x[0], space.y[1] - space.y[0]) > WIDE:
@@ -485,7 +485,7 @@ def _centimetres(draft: Draft) -> Iterator[Diagnostic]:
                 yield replace(UNLIKELY_SHAPE(here, **facts), severity="warning")
 
 
-def _named(node: object) -> str:
+def _function_name(node: object) -> str:
     return node.function.id if isinstance(node, ast.Call) else ""
 
 

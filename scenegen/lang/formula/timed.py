@@ -94,16 +94,16 @@ def _steps(of: Arrays, p: Any, q: Any, count: int) -> Any:
     count = min(count, p.shape[-1])  # further steps find nothing
     while True:
         if count & 1:
-            done_p, done_q = (p, q) if done_p is None else _after(of, done_p, done_q, p, q, passed)
+            done_p, done_q = (p, q) if done_p is None else _compose_steps(of, done_p, done_q, p, q, passed)
             passed += width
         count >>= 1
         if not count:
             return done_p
-        p, q = _after(of, p, q, p, q, width)
+        p, q = _compose_steps(of, p, q, p, q, width)
         width *= 2
 
 
-def _after(of: Arrays, p: Any, q: Any, then_p: Any, then_q: Any, by: int) -> tuple[Any, Any]:
+def _compose_steps(of: Arrays, p: Any, q: Any, then_p: Any, then_q: Any, by: int) -> tuple[Any, Any]:
     """max(p, min(q, max(then_p, min(then_q, x)))) as one such step, where `then` is `by` moments later. Beyond the last
     moment a step changes nothing, and finds nothing."""
     then_p, then_q = then_p[..., by:], then_q[..., by:]

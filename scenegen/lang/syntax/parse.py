@@ -106,7 +106,7 @@ def grammar_text(timed: bool) -> str:
 
 
 @cache
-def _finished(timed: bool) -> Any:
+def _read_tables(timed: bool) -> Any:
     try:
         raw = grammar_file(PARSER_TABLES[timed]).read_text(encoding="utf-8")
         tables = json.loads(raw, object_hook=_whole_number_keys)
@@ -118,7 +118,7 @@ def _finished(timed: bool) -> Any:
 def parser(transformer: Any, timed: bool = False) -> lark.Lark:
     """A parser that hands each reduced rule to the method of that name of `transformer`; `timed`, for a spec with
     time."""
-    tables = _finished(timed)
+    tables = _read_tables(timed)
     if tables is None:
         return build(grammar_text(timed), transformer=transformer)
     load: Any = lark.Lark._load_from_dict  # what Lark's own standalone parsers call
@@ -174,7 +174,7 @@ def _end(item: Any) -> int:
     return int(item.end_pos or 0) if isinstance(item, Token) else int(item.end)
 
 
-def _at(items: list[Any]) -> dict[str, int]:
+def _extent(items: list[Any]) -> dict[str, int]:
     return {"start": _start(items[0]), "end": _end(items[-1])}
 
 
@@ -202,14 +202,14 @@ class Builder:
 
     def workspace(self, items: list[Any]) -> ast.Workspace:
         x, y = _nodes(items)
-        return ast.Workspace(x, y, **_at(items))
+        return ast.Workspace(x, y, **_extent(items))
 
     def interval(self, items: list[Any]) -> ast.Interval:
         lowest, highest = _nodes(items)
-        return ast.Interval(lowest, highest, **_at(items))
+        return ast.Interval(lowest, highest, **_extent(items))
 
     def objects(self, items: list[Any]) -> ast.Objects:
-        return ast.Objects(tuple(_nodes(items)), **_at(items))
+        return ast.Objects(tuple(_nodes(items)), **_extent(items))
 
     def decl(self, items: list[Any]) -> ast.Declaration:
         parts = {part.kind: part.value for part in items if isinstance(part, _DeclarationPart)}
@@ -218,7 +218,7 @@ class Builder:
         choice: ast.Chosen = next(
             (part.choice for part in items if isinstance(part, _DeclarationPart) and part.choice), ""
         )
-        return ast.Declaration(name, count, shape, pose, support, choice, **_at(items))
+        return ast.Declaration(name, count, shape, pose, support, choice, **_extent(items))
 
     def count(self, items: list[Any]) -> _DeclarationPart:
         return _DeclarationPart("count", items[1], _start(items[0]), _end(items[-1]))
@@ -241,122 +241,122 @@ class Builder:
         levels = next((tuple(part) for part in parts if isinstance(part, _Levels)), ())
         (shape,) = (part for part in parts if not isinstance(part, _DeclarationPart | _Levels))
         count = counts[0] if counts else None
-        return ast.Region(_name(items[1]), shape, count, levels, **_at(items))
+        return ast.Region(_name(items[1]), shape, count, levels, **_extent(items))
 
     def levels(self, items: list[Any]) -> _Levels:
         return _Levels(_nodes(items))
 
     def const(self, items: list[Any]) -> ast.Constant:
-        return ast.Constant(_name(items[1]), items[3], **_at(items))
+        return ast.Constant(_name(items[1]), items[3], **_extent(items))
 
     def define(self, items: list[Any]) -> ast.Definition:
         *parameters, body = _nodes(items)
-        return ast.Definition(_name(items[1]), tuple(parameters), body, **_at(items))
+        return ast.Definition(_name(items[1]), tuple(parameters), body, **_extent(items))
 
     def param(self, items: list[Any]) -> ast.Parameter:
-        return ast.Parameter(_name(items[0]), items[2] if len(items) > 1 else None, **_at(items))
+        return ast.Parameter(_name(items[0]), items[2] if len(items) > 1 else None, **_extent(items))
 
     def require(self, items: list[Any]) -> ast.Require:
-        return ast.Require(items[1], **_at(items))
+        return ast.Require(items[1], **_extent(items))
 
     def import_(self, items: list[Any]) -> ast.Import:
-        return ast.Import(self.string(items[1:]), **_at(items))
+        return ast.Import(self.string(items[1:]), **_extent(items))
 
     def label(self, items: list[Any]) -> ast.Label:
-        return ast.Label(_name(items[0]), items[2], **_at(items))
+        return ast.Label(_name(items[0]), items[2], **_extent(items))
 
     def time_steps(self, items: list[Any]) -> ast.Time:
-        return ast.Time(items[1], _name(items[2]), None, **_at(items))
+        return ast.Time(items[1], _name(items[2]), None, **_extent(items))
 
     def time_span(self, items: list[Any]) -> ast.Time:
-        return ast.Time(items[3], None, items[1], **_at(items))
+        return ast.Time(items[3], None, items[1], **_extent(items))
 
     def moves(self, items: list[Any]) -> ast.Moves:
-        return ast.Moves(_name(items[1]), **_at(items))
+        return ast.Moves(_name(items[1]), **_extent(items))
 
     def implies(self, items: list[Any]) -> ast.Implies:
-        return ast.Implies(items[0], items[2], **_at(items))
+        return ast.Implies(items[0], items[2], **_extent(items))
 
     def disjunction(self, items: list[Any]) -> ast.Or:
-        return ast.Or(tuple(_nodes(items)), **_at(items))
+        return ast.Or(tuple(_nodes(items)), **_extent(items))
 
     def conjunction(self, items: list[Any]) -> ast.And:
-        return ast.And(tuple(_nodes(items)), **_at(items))
+        return ast.And(tuple(_nodes(items)), **_extent(items))
 
     def negation(self, items: list[Any]) -> ast.Not:
-        return ast.Not(items[1], **_at(items))
+        return ast.Not(items[1], **_extent(items))
 
     def temporal(self, items: list[Any]) -> ast.Temporal:
         operator: Any = str(items[0])
-        return ast.Temporal(operator, items[1] if len(items) > 2 else None, items[-1], **_at(items))
+        return ast.Temporal(operator, items[1] if len(items) > 2 else None, items[-1], **_extent(items))
 
     def until(self, items: list[Any]) -> ast.Until:
         operator: Any = str(items[1])
-        return ast.Until(operator, items[2] if len(items) > 3 else None, items[0], items[-1], **_at(items))
+        return ast.Until(operator, items[2] if len(items) > 3 else None, items[0], items[-1], **_extent(items))
 
     def quantifier(self, items: list[Any]) -> ast.Quantifier:
         domain, body = _nodes(items)
         kind: Any = "forall" if items[0].type == "FORALL" else "exists"
-        return ast.Quantifier(kind, tuple(_names(items)), domain, body, **_at(items))
+        return ast.Quantifier(kind, tuple(_names(items)), domain, body, **_extent(items))
 
     def range(self, items: list[Any]) -> ast.Range:
         lowest, highest = _nodes(items)
-        return ast.Range(lowest, highest, **_at(items))
+        return ast.Range(lowest, highest, **_extent(items))
 
     def compare(self, items: list[Any]) -> ast.Compare:
         operators: Any = tuple(_COMPARE.get(str(token), str(token)) for token in items[1::2])
-        return ast.Compare(tuple(items[0::2]), operators, **_at(items))
+        return ast.Compare(tuple(items[0::2]), operators, **_extent(items))
 
     def binary(self, items: list[Any]) -> ast.Binary:
         left, operator, right = items
         symbol: Any = str(operator)
-        return ast.Binary(symbol, left, right, **_at(items))
+        return ast.Binary(symbol, left, right, **_extent(items))
 
     def negative(self, items: list[Any]) -> ast.Negative:
-        return ast.Negative(items[1], **_at(items))
+        return ast.Negative(items[1], **_extent(items))
 
     def name(self, items: list[Any]) -> ast.Name:
         return _name(items[0])
 
     def member(self, items: list[Any]) -> ast.Member:
         base = _name(items[0]) if isinstance(items[0], Token) else items[0]
-        return ast.Member(base, _name(items[2]), **_at(items))
+        return ast.Member(base, _name(items[2]), **_extent(items))
 
     def index(self, items: list[Any]) -> ast.Index:
-        return ast.Index(items[0], items[2], **_at(items))
+        return ast.Index(items[0], items[2], **_extent(items))
 
     def call(self, items: list[Any]) -> ast.Call:
-        return ast.Call(_name(items[0]), tuple(_nodes(items)), **_at(items))
+        return ast.Call(_name(items[0]), tuple(_nodes(items)), **_extent(items))
 
     def argument(self, items: list[Any]) -> ast.Argument:
         name = _name(items[0]) if len(items) > 1 else None
-        return ast.Argument(name, items[-1], **_at(items))
+        return ast.Argument(name, items[-1], **_extent(items))
 
     def quantity(self, items: list[Any]) -> ast.Quantity:
         found = _NUMBER.match(items[0])
         if found is None:
             raise AssertionError(f"the grammar let {items[0]!r} pass for a quantity")
-        return ast.Quantity(found[1], found[2], **_at(items))
+        return ast.Quantity(found[1], found[2], **_extent(items))
 
     def string(self, items: list[Any]) -> ast.Text:
-        return ast.Text(str(items[0])[1:-1], **_at(items[:1]))
+        return ast.Text(str(items[0])[1:-1], **_extent(items[:1]))
 
     def truth(self, items: list[Any]) -> ast.Truth:
-        return ast.Truth(items[0].type == "TRUE", **_at(items))
+        return ast.Truth(items[0].type == "TRUE", **_extent(items))
 
     def list_(self, items: list[Any]) -> ast.List:
-        return ast.List(tuple(_nodes(items)), **_at(items))
+        return ast.List(tuple(_nodes(items)), **_extent(items))
 
     def point(self, items: list[Any]) -> ast.Point:
-        return ast.Point(tuple(_nodes(items)), **_at(items))
+        return ast.Point(tuple(_nodes(items)), **_extent(items))
 
     def parenthesis(self, items: list[Any]) -> ast.Expr:
         # Parentheses leave no node, but what stands in them now reaches from one to the other.
         inner: ast.Expr = items[1]
-        return _moved(inner, _start(items[0]), _end(items[-1]))
+        return _with_extent(inner, _start(items[0]), _end(items[-1]))
 
 
-def _moved(node: ast.Expr, start: int, end: int) -> ast.Expr:
+def _with_extent(node: ast.Expr, start: int, end: int) -> ast.Expr:
     fields = {name: getattr(node, name) for name in type(node).__match_args__}
     return type(node)(**fields, start=start, end=end)
 
@@ -485,7 +485,7 @@ def _statement_by_statement(
             problem, stopped = explain(Source(source.name, text), error, timed), stop(text, error)
         except UnexpectedInput as error:  # Lark has no other kind today
             return None, [*problems, CANNOT_PARSE(file=source.name, reason=str(error))]
-        problem = _here(problem, source)
+        problem = _in_source(problem, source)
         if problem not in problems:
             problems.append(problem)
         if kept is not None and not text[:stopped].rpartition("\n")[2].strip():
@@ -499,7 +499,7 @@ def _statement_by_statement(
         text, begin = blank(text, begin, following), following
 
 
-def _here(problem: Diagnostic, source: Source) -> Diagnostic:
+def _in_source(problem: Diagnostic, source: Source) -> Diagnostic:
     """A diagnostic about the blanked text, about the whole one."""
     if problem.span is None:
         return problem

@@ -560,7 +560,7 @@ def _lines(module: ast.Module, text: _Text, raw: str) -> list[str]:
         if [spelling(token) for token in tokens] != words:
             raise AssertionError("the canonical text of a statement does not have the tokens of its source")
         opening = column(raw, tokens[0].start)
-        lines += _between(text.comments[start], opening, follows=start > 0, first=not lines)
+        lines += _own_lines(text.comments[start], opening, follows=start > 0, first=not lines)
         if tokens[0].blank and lines:
             lines.append("")
         above, inside, below = _place(items, words, text.comments[start + 1 : start + len(words)])
@@ -570,7 +570,7 @@ def _lines(module: ast.Module, text: _Text, raw: str) -> list[str]:
         if below:
             statement[-1] += f"  {below[0]}"
         lines += [*above, *statement, *(" " * INDENT + comment for comment in below[1:])]
-    return lines + _between(text.comments[start], opening, follows=True, first=False)
+    return lines + _own_lines(text.comments[start], opening, follows=True, first=False)
 
 
 def _statements(module: ast.Module) -> Iterator[list[Item]]:
@@ -581,7 +581,7 @@ def _statements(module: ast.Module) -> Iterator[list[Item]]:
         yield [*expand(statement_pieces(statement))]
 
 
-def _between(comments: Sequence[_Comment], opening: int, *, follows: bool, first: bool) -> list[str]:
+def _own_lines(comments: Sequence[_Comment], opening: int, *, follows: bool, first: bool) -> list[str]:
     """Comments on lines of their own between statements, or at the end of the file.
 
     Those right below a statement that stand further to the right than the next one opens are taken for part of it.

@@ -65,7 +65,7 @@ _ELSEWHERE = {
 _OPERAND = re.compile(r"[A-Za-z_0-9(!¬∀∃⊤⊥]")
 
 
-def _meant(word: str, known: Sequence[str]) -> str | None:
+def _nearest_time_word(word: str, known: Sequence[str]) -> str | None:
     """The word of time that another was meant for."""
     if word in known:
         return None
@@ -75,10 +75,10 @@ def _meant(word: str, known: Sequence[str]) -> str | None:
 
 def explain_time(source: Source, start: int, end: int, accepts: set[str], timed: bool) -> Diagnostic | None:
     """The diagnostic for a mistake at characters start..end that has to do with time; None for any other."""
-    return _in_time(source, start, end, accepts) if timed else _without(source, start, end)
+    return _in_time(source, start, end, accepts) if timed else _misplaced_time_word(source, start, end)
 
 
-def _without(source: Source, start: int, end: int) -> Diagnostic | None:
+def _misplaced_time_word(source: Source, start: int, end: int) -> Diagnostic | None:
     """Words of time where they can only be meant as such, for two names never stand beside each other."""
     text, word = source.text, source.text[start:end]
     before = text[:start]
@@ -106,10 +106,12 @@ def _in_time(source: Source, start: int, end: int, accepts: set[str]) -> Diagnos
     if word in TEMPORAL and text[end:].lstrip().startswith(":"):
         return KEYWORD_AS_NAME(Span(source, start, end), word=word)
     found = ending(r"\b([A-Za-z_]\w*)(\s*\[[^][]*|\s+)$", before)
-    known = None if found is None or found[1] in KEYWORDS else _meant(found[1], (*OVER_TIME, "moves", "until"))
+    known = (
+        None if found is None or found[1] in KEYWORDS else _nearest_time_word(found[1], (*OVER_TIME, "moves", "until"))
+    )
     if found is not None and known is not None and (word in (",", ":") if "[" in found[2] else _OPERAND.match(word)):
         return UNEXPECTED(Span(source, found.start(1), found.end(1)), found=f"`{found[1]}`", nearest=known)
-    known = _meant(word, ("until", "until_with", "moves"))
+    known = _nearest_time_word(word, ("until", "until_with", "moves"))
     if known is not None and "NAME" not in accepts and word not in KEYWORDS:
         return UNEXPECTED(Span(source, start, end), found=f"`{word}`", nearest=known)
     if ending(r"\btime\s*\[[^][]*\]\s*$", before) or (ending(r"\btime\s+[\w. ]+\s$", before) and "NAME" in accepts):

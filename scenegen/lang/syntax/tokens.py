@@ -25,7 +25,7 @@ UNITS_OF_TIME = "times in s, ms or min; speeds in m/s or cm/s; turn rates in deg
 
 MAX_NEAR = 400  # characters before a mistake that can tell something about it
 
-_UNITS = "(?:mm|cm|m|rad|deg|turn)"
+_UNIT_WORDS = "(?:mm|cm|m|rad|deg|turn)"
 
 
 def _tokens(units: str) -> re.Pattern[str]:
@@ -40,8 +40,8 @@ def _tokens(units: str) -> re.Pattern[str]:
     )
 
 
-_TOKEN = {False: _tokens(_UNITS), True: _tokens(f"(?:{_UNITS}(?:/s)?|s|ms|min)")}
-_NUMBER = re.compile(r"([\d.]+(?:[eE][+-]?\d+)?)\s*([a-z]*(?:/s)?)")
+_TOKEN = {False: _tokens(_UNIT_WORDS), True: _tokens(f"(?:{_UNIT_WORDS}(?:/s)?|s|ms|min)")}
+_NUMBER_TOKEN = re.compile(r"([\d.]+(?:[eE][+-]?\d+)?)\s*([a-z]*(?:/s)?)")
 _TIME = re.compile(r"\btime\b")
 
 # every spelling of an operator or a word -> the canonical one
@@ -123,7 +123,7 @@ def scan(text: str, start: int = 0, timed: bool = False) -> Iterator[Token]:
 def spelling(token: Token) -> str:
     """The one spelling that canonical text has for a token."""
     if token.kind == "number":
-        found = _NUMBER.fullmatch(token.text)
+        found = _NUMBER_TOKEN.fullmatch(token.text)
         if found is not None and found[2]:
             return f"{found[1]} {found[2]}"
     return _SPELLINGS.get(token.text, token.text)
@@ -142,7 +142,7 @@ def column(text: str, offset: int) -> int:
 
 BINARY = ("&", "|", "->", "<=", ">=", "!=", "<", ">", "+", "*", "/", "∧", "∨", "→", "≤", "≥", "≠")
 _CLOSED = {"(": ")", "[": "]"}
-_CLOSING = {closing: opening for opening, closing in _CLOSED.items()}
+_OPENING_OF = {closing: opening for opening, closing in _CLOSED.items()}
 _BRACKETED = re.compile(r'#[^\n]*|"[^"\n]*"|\s+|.', re.DOTALL)
 
 
@@ -153,8 +153,8 @@ def open_brackets(text: str, end: int) -> tuple[list[int], int | None]:
         char = match[0]
         if char in "([":
             stack.append(match.start())
-        elif char in _CLOSING:
-            if not stack or text[stack[-1]] != _CLOSING[char]:
+        elif char in _OPENING_OF:
+            if not stack or text[stack[-1]] != _OPENING_OF[char]:
                 return stack, match.start()
             stack.pop()
     return stack, None
@@ -163,13 +163,13 @@ def open_brackets(text: str, end: int) -> tuple[list[int], int | None]:
 def bracket(source: Source, start: int) -> Diagnostic | None:
     """What is wrong with a closing bracket at `start`; None for other characters."""
     text = source.text
-    if text[start] not in _CLOSING:
+    if text[start] not in _OPENING_OF:
         return None
     stack, _ = open_brackets(text, start)
     closing = text[start]
     if not stack:
         return WRONG_BRACKET(Span(source, start, start + 1), closing=closing)
-    if text[stack[-1]] != _CLOSING[closing]:
+    if text[stack[-1]] != _OPENING_OF[closing]:
         opened = text[stack[-1]]
         line, column = source.position(stack[-1])
         want = _CLOSED[opened]

@@ -47,7 +47,7 @@ from scenegen.validation import as_int
 # unpickled, and nothing larger than the file itself is allocated.
 
 
-METADATA_KEY = "scenegen"  # the one entry of safetensors' metadata; a single entry keeps the file's bytes reproducible
+MODEL_KEY = "scenegen"  # the one entry of safetensors' metadata; a single entry keeps the file's bytes reproducible
 Card = TypeVar("Card", bound=BaseModel)
 
 MAX_FILE_BYTES = 512 * 2**20  # bytes of a file that is read at all
@@ -67,7 +67,7 @@ def pack(format_name: str, card: str, tensors: Mapping[str, Tensor]) -> bytes:
     """The bytes of a file. The same card and tensors give the same bytes."""
     cpu = {name: tensor.detach().cpu().contiguous() for name, tensor in sorted(tensors.items())}
     envelope = _Envelope(format=format_name, version=1, sha256=_digest(card, cpu), card=card)
-    return safetensors.torch.save(cpu, {METADATA_KEY: envelope.model_dump_json()})
+    return safetensors.torch.save(cpu, {MODEL_KEY: envelope.model_dump_json()})
 
 
 def unpack(path: Path, format_name: str, what: str, data: bytes | None = None) -> tuple[str, dict[str, Tensor]]:
@@ -97,13 +97,13 @@ def _metadata(data: bytes, path: Path, what: str) -> str:
     length = int.from_bytes(data[:8], "little")
     if len(data) < 10 or length > len(data) - 8 or data[8:9] != b"{":
         # The start of one of ours, cut short, is damage rather than a foreign file.
-        raise _damage_error(path, what) if f'"{METADATA_KEY}"'.encode() in data[8:64] else DataError(foreign)
+        raise _damage_error(path, what) if f'"{MODEL_KEY}"'.encode() in data[8:64] else DataError(foreign)
     try:
         header: Any = from_json(data[8 : 8 + length])
     except ValueError as error:
         raise DataError(foreign) from error
     extra = header.get("__metadata__") if isinstance(header, dict) else None
-    text = extra.get(METADATA_KEY) if isinstance(extra, dict) else None
+    text = extra.get(MODEL_KEY) if isinstance(extra, dict) else None
     if not isinstance(text, str):
         raise DataError(foreign)
     return text

@@ -220,8 +220,8 @@ MAX_SPARE_SCENES = 4  # scenes for one that is missing, at most
 MAX_MADE_PER_SCENE = 5  # scenes made for each that is wanted, on average
 USEFUL = 0.02  # of the scenes of a round: with fewer that arrive there is no other round
 OFFERED = 8  # scenes that arrived, to begin from with one that did not
-PHI_TOLERANCE = 1e-3  # of a label's range: what counts as arrived
-NEAR_ZERO_FACTOR = 10.0  # times PHI_TOLERANCE: the same near 0, of the range from 0 to the top
+CORRECTION_TOLERANCE = 1e-3  # of a label's range: what counts as arrived
+NEAR_ZERO_FACTOR = 10.0  # times CORRECTION_TOLERANCE: the same near 0, of the range from 0 to the top
 MAX_NEWTON_STEP = 0.15  # of the workspace, or radians, that one coordinate may move in a step
 CORRECTED_AT_ONCE = (
     65_536  # scenes that are corrected at a time: there are few of each atom, and each takes calls of its own
@@ -247,7 +247,7 @@ class Correction:
         self._labels = Slopes(spec.core)
         self._required = Robustness(part_of(core, [REQUIRE])) if REQUIRE in core.labels else None
         self._both = Slopes(core)
-        self._most = (PHI_TOLERANCE * spans)[:, None]
+        self._most = (CORRECTION_TOLERANCE * spans)[:, None]
         self._tops = (torch.zeros_like(spans) if tops is None else tops)[:, None]
         low, high = (torch.from_numpy(ends).to(torch.float32)[:, None] for ends in spec.box())
         self._low, self._high = low, high
@@ -305,7 +305,7 @@ class Correction:
 
     def _tolerance(self, wanted: Tensor) -> Tensor:
         """How far phi may be from where it is wanted, (L, B)."""
-        near = NEAR_ZERO_FACTOR * PHI_TOLERANCE * torch.maximum(self._tops, wanted.abs())
+        near = NEAR_ZERO_FACTOR * CORRECTION_TOLERANCE * torch.maximum(self._tops, wanted.abs())
         return torch.where((self._tops > 0.0) & ~torch.isnan(near), torch.minimum(near, self._most), self._most)
 
     def _correct(self, rows: Tensor, wanted: Tensor, stop: Stop) -> tuple[Tensor, Tensor]:

@@ -39,7 +39,7 @@ ASKED = 0.6  # of the scenes lie where `phi` says
 WHOLE, BELOW = 0.5, 0.25  # of a label's scenes: evenly over all of phi, and just below 0; the others satisfy it
 TAIL, BEYOND = 0.4, 0.2  # of the scenes of a range: the share that lies where only that share of them occurs
 TOGETHER_SHARE = 0.15  # of the scenes, at least, satisfy all labels, where there are several
-WIDE_SHARE = 0.25  # of a label's range: where so much is satisfied, scenes that lie evenly have enough of it
+WIDE_RANGE_SHARE = 0.25  # of a label's range: where so much is satisfied, scenes that lie evenly have enough of it
 CELLS, RUNGS = 32, 8  # of a label's range, and batches towards each of its ends
 FIRST_BATCH_SHARE = (
     0.4  # of the time of a range that is filled evenly, for its first batch, and of what is left for each further
@@ -151,7 +151,7 @@ class _Draws:
     def draw_spread(self, label: str, ends: tuple[float, float], count: int) -> list[Tensor]:
         """About `count` scenes of one label, spread as the module's text says."""
         low, high = ends
-        if not low < 0.0 < high or high >= WIDE_SHARE * (high - low):
+        if not low < 0.0 < high or high >= WIDE_RANGE_SHARE * (high - low):
             self.begin(count)
             return [self.draw_evenly(label, ends, count)]
         evenly, below = round(WHOLE * count), round(BELOW * count)

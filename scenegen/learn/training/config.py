@@ -127,7 +127,10 @@ class TrainConfig:
     diagnostic per value that is out of its range.
     """
 
-    model: Annotated[str, Option("flow, gan or aae; any tunes the model of any spec to yours.", "NAME", hints=MODELS)]
+    model: Annotated[
+        str,
+        Option("flow, gan or aae; any tunes the model of any spec to yours.", "NAME", hints=MODELS),
+    ]
     epochs: Annotated[int, Option("Passes over the training scenes.", typed=int | None)]
     batch_size: Annotated[int, Option("Scenes per step.", typed=int | None)]
     lr: Annotated[float, Option("Learning rate of Adam.", typed=float | None)]

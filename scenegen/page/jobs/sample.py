@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 MANY_THINGS = 4  # objects from which on a page asks for a first look, which goes before the scenes themselves
-FIRST_SCENES = 4  # scenes of the first look
+FIRST_LOOK_SCENES = 4  # scenes of the first look
 SPREAD_SCENES = 32  # and of those over all of a range, at most
 SAMPLE_SECONDS = 20.0  # seconds that sampling may take, unless the request says otherwise
 MOTION_SECONDS = 45.0  # of motions: those at a rare phi take longer
@@ -140,7 +140,7 @@ def first(message: dict[str, Any]) -> Iterator[Any]:
     if "others" in wanted:
         spec = spec_of(message)
         message = {**message, "request": fit_request(wanted, spec)}
-    yield _glimpse(message, FIRST_SCENES)
+    yield _glimpse(message, FIRST_LOOK_SCENES)
 
 
 def fit_request(wanted: Mapping[str, Any], spec: Spec) -> dict[str, Any]:

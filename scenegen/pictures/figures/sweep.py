@@ -31,7 +31,7 @@ from scenegen.search import spec_bounds
 HARD_PHI = -0.25  # phi that a hard scene has at most, if it can be so low
 SWEEP_CANDIDATES = 512  # scenes among which one is looked for where the set has none that hard
 SOLVED_PHI = 0.05  # phi that a sweep reaches at the least, if it can be so high
-PHI_TOLERANCE = 0.002  # how far from its target the phi of a scene may be
+SWEEP_TOLERANCE = 0.002  # how far from its target the phi of a scene may be
 REQUIRE_MARGIN = 1e-4  # by which requirements are kept
 
 
@@ -107,7 +107,7 @@ def _walk(spec: CheckedSpec, start: Array, label: str, targets: Array) -> list[A
     found: list[Array] = []
     row = start[:, 0]
     for target in map(float, targets):
-        low[0], high[0], aim[0] = target - PHI_TOLERANCE, target + PHI_TOLERANCE, target
+        low[0], high[0], aim[0] = target - SWEEP_TOLERANCE, target + SWEEP_TOLERANCE, target
         moved = approach(core, spec.workspace, row, aim, low, high, free)
         phi = np.array(list(score(core, moved.tolist()).values()))
         if ((phi >= low) & (phi <= high)).all():
@@ -118,7 +118,7 @@ def _walk(spec: CheckedSpec, start: Array, label: str, targets: Array) -> list[A
 
 SOFT_STEPS, HARD_STEPS = 20, 20  # as in learn/refine.py, like all that follows but the last two
 SOFTMAX_BETA = 10.0
-MAX_NEWTON_STEP = 0.25
+MAX_SWEEP_STEP = 0.25
 SOFT_DAMPING, HARD_DAMPING = 0.1, 1e-9
 SHIFT = 1e-6  # of the workspace, or radians: how far copies are apart of which phi is compared
 MAX_COPY_NUMBERS = 1 << 22  # numbers that are alive at a time
@@ -209,4 +209,4 @@ def _newton(jacobian: Array, residual: Array, damping: float) -> Array:
     gram += damping * max(float(gram.diagonal().max()), 1e-12) * np.eye(len(gram))
     step = jacobian.T @ np.linalg.solve(gram, residual)
     longest = max(float(np.abs(step).max(initial=0.0)), 1e-300)
-    return np.asarray(step * min(1.0, MAX_NEWTON_STEP / longest))
+    return np.asarray(step * min(1.0, MAX_SWEEP_STEP / longest))

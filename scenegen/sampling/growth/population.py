@@ -364,7 +364,7 @@ def _places(particles: Particles, order: Index) -> tuple[Array, Index]:
 
 
 PIECE_ISLANDS = 4  # independent populations of a piece: the error bar of the probability is their spread
-SPARE_SCENES = 1.15  # scenes grown for each one wanted: copies that have not moved apart are left out
+SPARE_PARTICLES = 1.15  # scenes grown for each one wanted: copies that have not moved apart are left out
 MIN_EVEN_SHARE = 0.5  # share of scenes that fill the cells evenly, at least, for scenes to be free to leave their cell
 CELL_DEVIATIONS = 2.5  # standard deviations by which a cell may get fewer scenes than on average
 USELESS_RATE = 0.002  # share of scenes that take a kind of move below which it is not made
@@ -484,7 +484,7 @@ def _scenes_for_cells(begin: Array, size: Size) -> int:
     return count if count <= size.most else 0
 
 
-def wanted_scenes(reached: Sequence[int], wanted: int, spare: float = SPARE_SCENES) -> float:
+def wanted_scenes(reached: Sequence[int], wanted: int, spare: float = SPARE_PARTICLES) -> float:
     """How many scenes are grown for so many, if every cell gets as many; `spare` for each of them."""
     return spare * len(reached) * math.ceil(wanted / len(reached))
 

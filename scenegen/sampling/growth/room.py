@@ -26,7 +26,7 @@ from scenegen.search.contract import CONTRACT_SLACK, contract, size_of
 from scenegen.search.effort import Effort
 from scenegen.search.surfaces import Stand, Step, step_for
 
-MAX_BRANCHES = 12  # branches of a room at most
+MAX_ROOM_BRANCHES = 12  # branches of a room at most
 ROOM_ROUNDS = 2  # of contraction: all other objects stand somewhere, so hardly anything comes of more
 
 
@@ -186,7 +186,7 @@ def make_room(
         and bool(clauses or choice)
     )
     halves = (0, 1) if turned and (halved or not choice) else (-1,)
-    while splits and not choice and math.prod(map(len, splits)) * len(halves) > MAX_BRANCHES:
+    while splits and not choice and math.prod(map(len, splits)) * len(halves) > MAX_ROOM_BRANCHES:
         splits.pop(max(range(len(splits)), key=lambda place: len(splits[place])))
     branches = tuple(
         (half, tuple(clause for way in ways_ for clause in way))

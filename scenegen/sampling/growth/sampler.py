@@ -22,7 +22,7 @@ from scenegen.sampling.growth.population import (
     MIN_ANCESTORS,
     MIN_EVEN_SHARE,
     PIECE_ISLANDS,
-    SPARE_SCENES,
+    SPARE_PARTICLES,
     AncestorEffect,
     PlacementFailed,
     Population,
@@ -97,7 +97,7 @@ def size_of(problem: Problem, again: int = 0) -> Size:
     most = max(64, min(MAX_POPULATION, MAX_COORDINATES // rows))
     of_a_cell = min(CELL_SCENES, max(MIN_CELL_SCENES, math.ceil(ENOUGH_PER_SCENE * n / cells)))
     least = max(MIN_POPULATION, PIECE_ISLANDS * of_a_cell * cells)
-    wanted = int(SPARE_SCENES * n)
+    wanted = int(SPARE_PARTICLES * n)
     each = min(MAX_POPULATION // 2, wanted)  # half as many would cost nearly as much
     half = wanted // 2
     moving = int((problem.lowest < problem.highest).sum())
@@ -161,7 +161,7 @@ def _recipe(problem: Problem, model: GrowthModel, size: Size, made: Population) 
         return Recipe(made.steps, made.settings, cells, count, 0, 1.0, np.inf, model.work, np.inf, size)
     settled = made.settled
     there = size.populations * made.taken.even
-    spare = SPARE_SCENES if len(cells) > 1 else SPARE_OF_ONE
+    spare = SPARE_PARTICLES if len(cells) > 1 else SPARE_OF_ONE
     left = max(0.0, wanted_scenes(cells, problem.request.n, spare) - there)
     wanted = max(PIECE_ISLANDS * CELL_SCENES * len(cells), int(np.ceil(settled.thin * left / made.share)))
     pieces = -(-wanted // size.most)  # of one size: a last one for a few scenes would cost as much

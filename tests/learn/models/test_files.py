@@ -21,7 +21,7 @@ from scenegen.geometry.workspace import Workspace
 from scenegen.lang.checker import check_text
 from scenegen.learn.model import Model
 from scenegen.learn.models.card import MODEL_FORMAT
-from scenegen.learn.models.checkpoint import METADATA_KEY, TrainedModel, load_model, pack, save_model
+from scenegen.learn.models.checkpoint import MODEL_KEY, TrainedModel, load_model, pack, save_model
 from scenegen.learn.models.codec import EVERY, NONE, Codec, Examples, float_bounds
 from scenegen.learn.models.conditioned import visible_labels as given_labels
 from scenegen.pose import TWO_PI
@@ -37,7 +37,7 @@ def rewritten(path, model, changes):
 
 def envelope(path):
     with safetensors.safe_open(path, "pt") as file:
-        return json.loads(file.metadata()[METADATA_KEY])
+        return json.loads(file.metadata()[MODEL_KEY])
 
 
 def same(path, model):
@@ -101,9 +101,9 @@ def test_a_foreign_safetensors_file(tmp_path):
     for metadata in (
         None,
         {"format": "pt"},
-        {METADATA_KEY: "not json"},
-        {METADATA_KEY: "[]"},
-        {METADATA_KEY: '{"format": "else", "version": 1}'},
+        {MODEL_KEY: "not json"},
+        {MODEL_KEY: "[]"},
+        {MODEL_KEY: '{"format": "else", "version": 1}'},
     ):
         path.write_bytes(safetensors.torch.save({"w": torch.zeros(3)}, metadata))
         with pytest.raises(DataError, match=r"llm\.safetensors"):
@@ -113,7 +113,7 @@ def test_a_foreign_safetensors_file(tmp_path):
 def test_another_format_version_says_so(model_file):
     path, model = model_file
     later = json.dumps(envelope(path) | {"version": 2, "news": True})
-    path.write_bytes(safetensors.torch.save(model.sampler_state(), {METADATA_KEY: later}))
+    path.write_bytes(safetensors.torch.save(model.sampler_state(), {MODEL_KEY: later}))
     with pytest.raises(DataError, match="version 2"):
         load_model(path)
 

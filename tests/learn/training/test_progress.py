@@ -134,7 +134,7 @@ def test_steps_that_are_done_again_count_once(tmp_path, exp1):
 def test_without_tensorboard_the_extra_is_named(tmp_path, exp1, monkeypatch):
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "tensorboard" else find(name))
-    with pytest.raises(RequestError, match=r"pip install \"scenegen\[tensorboard\]\""):
+    with pytest.raises(RequestError, match=r"pip install \"scenegen-dsl\[tensorboard\]\""):
         train(exp1, CONFIG, tmp_path / "m", log_dir=tmp_path / "log")
     assert list(tmp_path.iterdir()) == []
 

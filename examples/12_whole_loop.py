@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from scenegen.cli.app import run
-from scenegen.play.suites.suite import SuiteTask
+from scenegen.suites import SuiteTask
 
 Observation = dict[str, np.ndarray]
 

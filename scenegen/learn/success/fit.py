@@ -13,7 +13,6 @@ from scenegen.api.scenes import SceneSet
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.learning import MODEL_OF_ANOTHER_SPEC
-from scenegen.lang.checker import check_text
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.success.features import fingerprint, measure_features
 from scenegen.learn.success.files import BLANK_DIGEST, FileModel, OutcomesHeader, dump_with_digest, load_with_digest
@@ -104,5 +103,5 @@ class Fit(FileModel):
 
     def predict(self, scenes: SceneSet) -> Array:
         """The success rate that is predicted at each of n scenes, (n,). Raises RequestError for scenes of others."""
-        spec = check_text(scenes.header.spec.source, "the spec of the scenes")
+        spec = scenes.header.spec.checked_spec
         return self.task_of(spec).predicted(spec, rows_of(spec, scenes))

@@ -37,9 +37,9 @@ def test_demo(tmp_path, warm):
     done = warm.run([ROOT / "examples" / "00_demo.py", "--quick", "--out", out], tmp_path)
     assert done.returncode == 0, done.stderr
     files = ("exact/contact_sheet.png", "exact/scenes.json", "model/contact_sheet.png", "model/scenes.json")
-    for file in (*files, "energy.safetensors"):
+    for file in (*files, "flow.safetensors"):
         assert (out / file).is_file()
         assert str(out / file) in done.stdout.split("Open:")[1]
     # Pictures come first: they are said and drawn before torch is loaded.
     assert done.stdout.index(str(out / files[0])) < done.stdout.index("A trained model")
-    assert (out / files[0]).stat().st_mtime < (out / "energy.safetensors").stat().st_mtime
+    assert (out / files[0]).stat().st_mtime < (out / "flow.safetensors").stat().st_mtime

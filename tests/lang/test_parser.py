@@ -77,7 +77,7 @@ def test_the_grammar_is_free_of_conflicts():
 
 @pytest.mark.long
 @pytest.mark.parametrize("timed", [False, True])
-def test_the_finished_tables_are_those_of_the_grammar(timed, derived):
+def test_the_read_tables_tables_are_those_of_the_grammar(timed, derived):
     derived(f"grammar/{tables.PARSER_TABLES[timed]}", tables.serialize(tables.grammar_text(timed)))
 
 
@@ -97,14 +97,14 @@ def stale(tmp_path, monkeypatch):
         (tmp_path / "spec.lark").write_text(GRAMMAR, encoding="utf-8")
         if text is not None:
             (tmp_path / tables.PARSER_TABLES[False]).write_text(text, encoding="utf-8")
-        tables._finished.cache_clear()
+        tables._read_tables.cache_clear()
         _parser.cache_clear()
         monkeypatch.setattr(tables, "grammar_file", tmp_path.joinpath)
-        return tables._finished(False)
+        return tables._read_tables(False)
 
     yield spoil
     monkeypatch.undo()
-    tables._finished.cache_clear()
+    tables._read_tables.cache_clear()
     _parser.cache_clear()
 
 
@@ -121,7 +121,7 @@ def test_tables_that_do_not_fit_are_passed_over(kind, stale):
     }
     source = Source("a.spec", "task: !p -> [a, (1 cm, 2)][1].left\nsafe: forall i in 1..2: q")
     expected = dump(parse(source), places=True)
-    assert tables._finished(False) is not None
+    assert tables._read_tables(False) is not None
     assert stale(spoilt[kind]) is None
     if kind == "missing":  # the same for all: the parser is built from the grammar, in seconds
         assert dump(parse(source), places=True) == expected

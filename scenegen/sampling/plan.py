@@ -303,6 +303,10 @@ class Selection(Plan):
     def scenes_per_piece(self) -> float:
         return self.plan.scenes_per_piece
 
+    @property
+    def shared_by(self) -> int:
+        return self.plan.shared_by
+
     def misses(self) -> tuple[Array, Array]:
         return self.plan.misses()
 

@@ -206,7 +206,7 @@ def test_a_plot_of_a_straight_line():
 
 
 def test_ticks_are_round():
-    from scenegen.looks.paper import ticks
+    from scenegen.looks.chart_style import ticks
 
     assert ticks(-1.0, 1.0) == [-1.0, -0.5, 0.0, 0.5, 1.0]
     assert 0.0 in ticks(-2.94, 0.2) and all(-2.94 <= tick <= 0.2 for tick in ticks(-2.94, 0.2))

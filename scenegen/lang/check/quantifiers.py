@@ -45,7 +45,7 @@ MIN_FOLDED_ROUNDS = 256  # over numbers, of which the hardest alone may be kept
 
 
 @dataclass(frozen=True, slots=True)
-class Rounds:
+class QuantifierRounds:
     """The rounds of one quantifier, `count` of them, around its body. `frame` is the body's, but for what the variables
     stand for."""
 
@@ -237,7 +237,7 @@ def _expand(lowering: Lowering, node: ast.Quantifier, env: Mapping[str, Value], 
     count_rounds(lowering, count, node, frame, around)
     lowering.steps += count
     inside = CallFrame(frame.source, frame.calls, frame.text, frame.body, frame.where, around)
-    rounds = Rounds(lowering, node, env, inside, count)
+    rounds = QuantifierRounds(lowering, node, env, inside, count)
     formulas = rounds.hardest(domain) if isinstance(domain, range) else None
     if formulas is None:
         formulas = rounds.formulas(choices)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
-from scenegen.looks.paper import BLUE, GRID, INK, PAPER, QUIET, SCALE, WARM, ticks
+from scenegen.looks.chart_style import BLUE, GRID, INK, PAPER, QUIET, SCALE, WARM, ticks
 
 AXIS_LENGTH = 380  # pixels of a panel's axes
 LEFT, RIGHT, HEAD, FOOT = 70, 20, 64, 56  # margins

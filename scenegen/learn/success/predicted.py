@@ -32,10 +32,6 @@ class Predicted(Selection):
         return digest("predicted", *facts, self.plan.plan_digest)
 
     @property
-    def shared_by(self) -> int:
-        return self.plan.shared_by
-
-    @property
     def fact_count(self) -> int:
         return OWN_FACTS + self.plan.fact_count
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from PIL import Image, ImageDraw, ImageFont
 
-from scenegen.looks.paper import BLUE, GRID, INK, PAPER, QUIET, SCALE, WARM, ticks
+from scenegen.looks.chart_style import BLUE, GRID, INK, PAPER, QUIET, SCALE, WARM, ticks
 
 Point = tuple[float, float]
 

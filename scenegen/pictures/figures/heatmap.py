@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from scenegen.geometry import Box, Circle
-from scenegen.looks.paper import INK, PAPER, QUIET
+from scenegen.looks.chart_style import INK, PAPER, QUIET
 from scenegen.looks.stage import PictureSetup, poses_of, stage_of
 from scenegen.pictures.figures.sheet import EDGE, GAP, TEXT, TITLE, flow, write
 from scenegen.pose import THETA, X, Y, places

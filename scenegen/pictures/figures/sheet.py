@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from PIL import Image, ImageDraw, ImageFont
 
-from scenegen.looks.paper import INK, PAPER, QUIET, WARM
+from scenegen.looks.chart_style import INK, PAPER, QUIET, WARM
 from scenegen.looks.stage import overlaps_of
 from scenegen.sampling.request import Ends
 from scenegen.scenes.blocks import element

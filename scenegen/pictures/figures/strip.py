@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from scenegen.errors import RequestError
 from scenegen.errors.requests import NO_ENCODER
-from scenegen.looks.paper import INK, PAPER, QUIET, WARM
+from scenegen.looks.chart_style import INK, PAPER, QUIET, WARM
 from scenegen.needs import need
 from scenegen.pictures.figures.sheet import SMALL, cut
 

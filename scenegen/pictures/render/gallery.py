@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from scenegen.geometry import Circle
 from scenegen.looks.camera import VIEW_ANGLES
-from scenegen.looks.paper import INK, PAPER, QUIET
+from scenegen.looks.chart_style import INK, PAPER, QUIET
 from scenegen.looks.stage import TABLE_MARGIN, PictureObject, PictureSetup
 from scenegen.pictures.figures.sheet import EDGE, GAP, SMALL, TEXT, TITLE
 from scenegen.pictures.render.files import PictureOptions

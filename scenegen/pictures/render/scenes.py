@@ -17,9 +17,9 @@ from PIL import Image
 from scenegen.errors import DataError
 from scenegen.errors.requests import NO_SCENES
 from scenegen.looks.camera import USUAL_VIEWS, frame
+from scenegen.looks.chart_style import PAPER
 from scenegen.looks.configuration import read_looks
 from scenegen.looks.look import LOOK_VIEW, LOOKS_FILE, Look, check_seed, looks_jsonl
-from scenegen.looks.paper import PAPER
 from scenegen.looks.stage import PictureSetup, places_of, poses_of, stage_of, usual_size
 from scenegen.looks.textures import Textures
 from scenegen.needs import need

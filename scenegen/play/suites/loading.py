@@ -46,7 +46,7 @@ def check_name(role: Role, text: str) -> None:
 
 
 def load_named(role: Role, text: str) -> Any:
-    """What is called so. Raises RequestError for an entry point that cannot be used, and what an import raises."""
+    """The world or policy of that name. Raises RequestError for an entry point of no use, and what an import raises."""
     text = WORLDS.get(text, text) if role == "world" else text
     where, _, name = text.rpartition(":")
     if not where:

@@ -253,7 +253,8 @@ def test_another_file_begins_without_the_request_of_the_one_before(serve, tab, t
     one.until("Object.values($.request.phi)[0][0] === 0.6")
     one.page.click("button.file-name")
     one.page.click("button[data-shipped=packing_tray]")
-    one.until("$.spec && $.spec.objects.length > 3")
+    one.page.wait_for_selector("button.file-name:has-text('packing_tray')")
+    one.until("$.spec && $.spec.objects.some((each) => each.name === 'large')")
     one.ready()
     assert set(map(tuple, one.state("Object.values($.request.phi)"))) == {(0, None)}
     assert one.state("$.refusal") is None and one.state("$.request.fix") == {}

@@ -8,7 +8,8 @@ difference is found at 95 %. Unpaired: n starts for each policy, independent, ba
 without correction, which finds more than Fisher's exact test. Paired: the same n starts for both; McNemar's exact test.
 Chosen: the same, but after the first 50 starts, ten of each band, only bands go on in which the two together
 succeed in 15 to 85 %. That choice knows nothing of which policy is better, so the test, given how many starts they
-disagree on, stays exact. The smallest n with power 80 % counts, all episodes included.
+disagree on, stays exact. The smallest n with power 80 % counts, all episodes included. Until decided: the mean of how
+many common starts are played where one looks after each and stops at `PairedDifference.decided`; this ends always.
 
 Simulated policies succeed where latent > 0: a level, minus `slope` times how hard the start is (the quantile of phi as
 a normal score), plus what else is in the start (`start`, the same for both policies), plus noise that follows the
@@ -43,6 +44,11 @@ def mcnemar(first: int, second: int) -> float:
     return PairedDifference(first, second, max(1, first + second)).p
 
 
+@cache
+def decided(first: int, second: int) -> bool:
+    return PairedDifference(first, second, first + second).decided
+
+
 def paired(success: Outcome, n: int, rng: np.random.Generator) -> float:
     """The share of repeats that find the difference on n common starts."""
     which = rng.integers(success.shape[1], size=(REPEATS, n))
@@ -60,6 +66,16 @@ def chosen(success: Outcome, bands: Index, n: int, rng: np.random.Generator) -> 
         more = rng.choice(np.concatenate(go_on), max(0, n - PILOT * len(each)))
         repeats.append(success[:, np.concatenate([*first, more])])
     return told_apart(repeats)
+
+
+def until_decided(success: Outcome, rng: np.random.Generator) -> float:
+    """The mean number of common starts until a look after each of them tells the two apart."""
+    stops = []
+    for _ in range(REPEATS):
+        one, other = success[:, rng.integers(success.shape[1], size=MOST)]
+        counts = zip(np.cumsum(one & ~other).tolist(), np.cumsum(other & ~one).tolist(), strict=True)
+        stops.append(next((n for n, count in enumerate(counts, 1) if decided(*count)), MOST))
+    return float(np.mean(stops))
 
 
 def told_apart(repeats: Sequence[Outcome]) -> float:
@@ -90,13 +106,19 @@ def needed(power: Callable[..., float], *given: object, seed: int) -> int:
 def line(name: str, success: Outcome, weights: Array, bands: Index, seed: int = 0) -> str:
     alone = needed(unpaired, success, weights, seed=seed)
     same, some = needed(paired, success, seed=seed), needed(chosen, success, bands, seed=seed)
+    looks = until_decided(success, np.random.default_rng(seed))
     shares, disagree = success.mean(axis=1), (success[0] != success[1]).mean()
     facts = [*(f"{100 * one:.1f} %" for one in (*shares, disagree)), f"{alone:,}", f"{same:,}", f"{same / alone:.2f}"]
-    return "| " + " | ".join([name, *facts, f"{some:,}", f"{some / alone:.2f}"]) + " |"
+    return (
+        "| "
+        + " | ".join([name, *facts, f"{some:,}", f"{some / alone:.2f}", f"{looks:.0f}", f"{looks / alone:.2f}"])
+        + " |"
+    )
 
 
-HEAD = """| policies | first | second | disagree | unpaired | paired | ratio | chosen bands | ratio |
-| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"""
+HEAD = """\
+| policies | first | second | disagree | unpaired | paired | ratio | chosen bands | ratio | until decided | ratio |
+| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"""
 
 
 def simulated(slope: float, start: float, shared: float, own: float, log10p: Array, seed: int) -> Outcome:

@@ -21,7 +21,7 @@ SUITE_OPTIONS = {  # of each action: those that must be given, and the others
     "check": ((), ()),
     "run": (
         ("world", "policy", "out"),
-        ("bands", "reverse", "instruction", "episodes", "resume", "steps", "timeout", "workers"),
+        ("bands", "reverse", "instruction", "episodes", "resume", "until", "against", "steps", "timeout", "workers"),
     ),
     "report": (("out",), ("pictures", "workers")),
 }
@@ -52,6 +52,8 @@ def suite(
     instruction: str | None = option("run: own, or empty: the same starts without a word.", "own|empty"),
     episodes: str | None = option("run: some of them; default: all.", "FIRST:END"),
     resume: bool = option("run: go on with a file."),
+    until: str | None = option("run: stop once the two policies are told apart.", "decided"),
+    against: Path | None = option("run: with --until, the outcomes of the other policy.", ".jsonl"),
     steps: int | None = option("run: of an episode at most; default: 1000.", "N"),
     pictures: int | None = option("report: of so many starts; default: 8.", "N"),
     timeout: float | None = option("new: seconds in all. run: of an episode. Default: 600.", "SECONDS", parser=seconds),
@@ -64,6 +66,8 @@ def suite(
       scenegen suite new a.spec --bands near=-0.1:0 --bands far=:-0.1 --out mine/
       scenegen suite check tabletop
       scenegen suite run mine/ --world w.py:make --policy p.py:act --out a.jsonl
+      scenegen suite run mine/ --world w.py:make --policy q.py:act --out b.jsonl
+          --until decided --against a.jsonl
       scenegen suite report mine/ a.jsonl b.jsonl --out report.html
 
     A start is a scene in which the label of success does not hold. Of each task there are as many starts of each band
@@ -72,6 +76,7 @@ def suite(
     a spec with a label of its starts.
 
     `run` writes a line for each episode; one that fails, dies or hangs counts as a failure, and the others go on.
+    With --until decided it looks after every episode, by a test that allows it, and stops at a difference.
     """
     given = {name: value for name, value in locals().items() if value is not None and value is not False}
     del given["action"], given["places"]
@@ -135,8 +140,11 @@ def _run(
     episodes: str | None = None,
     bands: list[str] | None = None,
     reverse: bool = False,
+    until: str | None = None,
+    against: Path | None = None,
     **given: Any,
 ) -> None:
+    from scenegen.play.suites.outcomes import compare_outcomes, read_outcomes
     from scenegen.play.suites.run import run_suite
     from scenegen.play.suites.suite import Suite
     from scenegen.scenes.formats.registry import check_ending
@@ -144,6 +152,14 @@ def _run(
     first, _, end = (episodes or ":").partition(":")
     if not all(one.isdecimal() or not one for one in (first, end)) or (episodes is not None and ":" not in episodes):
         raise RequestError(ARGUMENT_SYNTAX(what="a part of a suite", form="FIRST:END", example="0:500"))
+    if until is not None and until != "decided":
+        raise RequestError(UNKNOWN_CHOICE(what="end of a run", name=until, known=("decided",)))
+    for name, other, question in (
+        ("against", until if against is None else None, "which outcomes is this policy compared with?"),
+        ("until", against if until is None else None, "`--until decided` compares with these outcomes"),
+    ):
+        if other is not None:
+            raise RequestError(MISSING_ARGUMENT(argument=name, question=question))
     check_ending(out, ".jsonl")
     loaded = Suite.load(places[0], reverse=reverse)
     some = loaded.part(int(first or 0), int(end) if end else None, bands)
@@ -157,10 +173,14 @@ def _run(
             bar.update(task, completed=count, total=total, description=f"episodes: {successes} of {count} succeed")
 
         try:
-            run_suite(loaded, out, episodes=some, told=report_episode, **{"workers": 1, **given})
+            run_suite(loaded, out, episodes=some, against=against, told=report_episode, **{"workers": 1, **given})
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(f"interrupted after {done} episodes; --resume goes on in {out}") from error
     print_error(f"{successes:,} of {done:,} episodes succeed; outcomes in {out}")
+    if against is not None:
+        found = compare_outcomes(read_outcomes(out), read_outcomes(against))
+        how = f"better in {found.first}, worse in {found.second} of {found.n} episodes"
+        print_error(f"{'told apart' if found.decided else 'not told apart'} at 95 %: {how}")
 
 
 def _report(places: list[str], out: Path, **given: Any) -> None:

@@ -52,6 +52,18 @@ def test_the_program(small, scenegen, tmp_path):
             ["run", "small", "--out", "o.jsonl", "--world", "w:m", "--policy", "p:a", "--instruction", "loud"],
             "unknown-choice",
         ),
+        (
+            ["run", "small", "--out", "o.jsonl", "--world", "w:m", "--policy", "p:a", "--until", "better"],
+            "unknown-choice",
+        ),
+        (
+            ["run", "small", "--out", "o.jsonl", "--world", "w:m", "--policy", "p:a", "--until", "decided"],
+            "missing-argument",
+        ),
+        (
+            ["run", "small", "--out", "o.jsonl", "--world", "w:m", "--policy", "p:a", "--against", "b.jsonl"],
+            "missing-argument",
+        ),
         (["report", "small", "o.jsonl", "--out", "o.pdf"], "wrong-ending"),
         (["new", "table_setting", "--out", "x", "--bands", "0"], "out-of-range"),
         (["new", "table_setting", "--out", "x", "--bands", "near"], "argument-syntax"),

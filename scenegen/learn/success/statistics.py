@@ -14,6 +14,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import WRONG_VALUE
 
 Z, POWER = 1.959964, 0.841621  # quantiles of the normal distribution: 97.5 %, 80 %
+ALPHA = 0.05  # how often two policies may be told apart that do not differ
 MIN_STRATUM = 1e-100  # probability of a stratum: squares of smaller ones are 0
 
 
@@ -99,6 +100,21 @@ class PairedDifference:
         """McNemar's exact test: of episodes that one alone solved, each does half, where there is no difference."""
         most, least = int(self.first) + int(self.second), int(min(self.first, self.second))  # numpy's overflow
         return min(1.0, float(2 * sum(math.comb(most, k) for k in range(least + 1)) / 2**most))
+
+    @property
+    def e(self) -> float:
+        """The evidence against no difference: how much likelier the episodes that one alone solved are where the first
+        one solves a share of them that is unknown (Jeffreys' prior, Krichevsky and Trofimov 1981) than where each
+        solves half. It may be looked at after every episode: where there is no difference it ever reaches 1 / alpha
+        with a probability of at most alpha (Ville 1939; Ramdas and others 2023, section 3)."""
+        one, other = int(self.first), int(self.second)
+        beta = math.lgamma(one + 0.5) + math.lgamma(other + 0.5) - math.lgamma(one + other + 1.0) - math.log(math.pi)
+        return math.exp(min(beta + (one + other) * math.log(2.0), 700.0))  # 700: what a float can be
+
+    @property
+    def decided(self) -> bool:
+        """Whether the two are told apart at 95 %, at whatever moment one looks."""
+        return self.e >= 1.0 / ALPHA
 
     def required_starts(self, difference: float) -> int:
         """How many starts, of the same make, tell such a difference apart: at least as many disagree as it takes, and

@@ -20,6 +20,7 @@ from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import OTHER_REQUEST
 from scenegen.errors.worlds import NOT_A_SUITE
 from scenegen.learn.success.files import FileModel, OutcomesHeader, load_model
+from scenegen.learn.success.statistics import PairedDifference
 from scenegen.play.suites.suite import Suite
 from scenegen.scenes.files import read_bytes
 
@@ -93,6 +94,14 @@ def differences(one: OutcomesHeader, other: OutcomesHeader) -> dict[str, tuple[A
     names = OutcomesHeader.model_fields
     pairs = {name: (getattr(one, name), getattr(other, name)) for name in names}
     return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
+
+
+def compare_outcomes(one: SuiteOutcomes, other: SuiteOutcomes) -> PairedDifference:
+    """Two policies on the starts that both were run on."""
+    first, second = one.success, other.success
+    both = first.keys() & second.keys()
+    alone = sum(first[k] and not second[k] for k in both), sum(second[k] and not first[k] for k in both)
+    return PairedDifference(*alone, len(both))
 
 
 def check_same_run(path: Path, found: OutcomesHeader, wanted: OutcomesHeader) -> None:

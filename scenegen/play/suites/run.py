@@ -15,21 +15,29 @@ import queue
 import secrets
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 from urllib.parse import urlsplit
 
-from scenegen.errors import RequestError, ScenegenError
+from scenegen.errors import DataError, RequestError, ScenegenError
 from scenegen.errors.files import UNFINISHED_RUN
 from scenegen.errors.program import PROCESS_DIED
 from scenegen.errors.requests import BAD_PLUGIN, OUT_OF_RANGE, UNKNOWN_CHOICE
-from scenegen.errors.worlds import WORLD_FAILS
+from scenegen.errors.worlds import NOT_A_SUITE, WORLD_FAILS
 from scenegen.learn.success.files import Instruction, OutcomesHeader
 from scenegen.play.policy_server import decode, encode
 from scenegen.play.suites.loading import check_name, load_named, versions_of
-from scenegen.play.suites.outcomes import EpisodeOutcome, check_same_run, dump_line, dump_outcomes, read_outcomes
+from scenegen.play.suites.outcomes import (
+    EpisodeOutcome,
+    SuiteOutcomes,
+    check_same_run,
+    compare_outcomes,
+    dump_line,
+    dump_outcomes,
+    read_outcomes,
+)
 from scenegen.play.suites.suite import GradedStart, Suite, SuiteTask
 from scenegen.processes.pool import check_workers
 from scenegen.processes.process import FAILED, GONE, WorkerMessage, WorkerProcess
@@ -56,6 +64,7 @@ def run_suite(
     steps: int = 1000,
     timeout: float = 600.0,
     workers: int = 1,
+    against: str | Path | None = None,
     told: Told = lambda outcome, done, count: None,
 ) -> Path:
     """Run episodes of a suite, by default all, and write their outcomes to a file, which is returned.
@@ -64,8 +73,9 @@ def run_suite(
     a class, or a function of `env`, that makes one: "module:name" or "file.py:name", or a name such as "table" (see
     loading.py); a policy may also be the URL of a server (scenegen/play/policy_server.py). An episode ends where the
     environment says so, at success, or after so many steps; `timeout`, in seconds, kills one that hangs. `resume` goes
-    on with a file. Raises RequestError, DataError, OutputError, and ScenegenError where world or policy cannot be had
-    at all.
+    on with a file. `against` is a file of outcomes: starts that are in it are run, one of each band of each task after
+    the other, until the two policies are told apart (`PairedDifference.decided`). Raises RequestError, DataError,
+    OutputError, and ScenegenError where world or policy cannot be had at all.
     """
     out, timeout, steps = as_path("out", out), as_seconds("timeout", timeout), as_int("steps", steps)
     if steps < 1:
@@ -74,6 +84,11 @@ def run_suite(
         raise RequestError(UNKNOWN_CHOICE(what="instruction", name=instruction, known=get_args(Instruction)))
     check_name("world", world)
     check_name("policy", policy)
+    rival = None if against is None else read_outcomes(as_path("against", against), suite)
+    if rival is not None and rival.header.reverse != suite.reverse:
+        whose = "all tasks" if suite.reverse else "the reversed tasks"
+        reason = f"it is of {'the reversed' if rival.header.reverse else 'the'} tasks, and these starts of {whose}"
+        raise DataError(NOT_A_SUITE(file=against, what="of these starts", reason=reason))
     header = OutcomesHeader(
         suite=suite.name, digest=suite.digest, world=world, policy=policy, instruction=instruction,
         reverse=suite.reverse, episodes=len(suite), steps=steps, timeout=timeout, versions=versions_of(world),
@@ -88,21 +103,36 @@ def run_suite(
             check_same_run(out, before.header, header)
             header, found = before.header, list(before.episodes)
         there = {one.episode for one in found}
-        wanted = [suite[number] for number in episodes or range(len(suite)) if number not in there]
-        todo = deque(start.number for start in sorted(wanted, key=lambda start: suite.tasks.index(start.task)))
+        numbers = episodes or range(len(suite))
+        wanted = [suite[k] for k in numbers if k not in there and (rival is None or k in rival.success)]
+        size = len(suite) if rival is None else len(suite.cells)  # of a round, in which each task has its turn once
+        wanted.sort(key=lambda start: (start.number // size, suite.tasks.index(start.task)))
+        todo = deque(start.number for start in wanted)
+
+        def is_decided() -> bool:
+            mine = SuiteOutcomes(header, tuple(found))
+            return rival is not None and compare_outcomes(mine, rival).decided
+
         write_whole(out, dump_outcomes(header, found))
         job = Player(suite.folder, suite.reverse, world, policy, instruction == "empty", steps, timeout / 2.0)
-        with report_write_errors(out), out.open("ab") as file:
-            for done, outcome in enumerate(_play_all(job, suite, todo, check_workers(workers), timeout), 1):
+        if is_decided():
+            todo.clear()
+        playing = _play_all(job, suite, todo, check_workers(workers), timeout)
+        with report_write_errors(out), out.open("ab") as file, contextlib.closing(playing):
+            for done, outcome in enumerate(playing, 1):
                 file.write(dump_line(outcome))
                 file.flush()
                 found.append(outcome)
                 told(outcome, done, len(wanted))
+                if is_decided():
+                    break
         write_whole(out, dump_outcomes(header, found))
     return out
 
 
-def _play_all(job: Player, suite: Suite, todo: deque[int], workers: int, timeout: float) -> Iterator[EpisodeOutcome]:
+def _play_all(
+    job: Player, suite: Suite, todo: deque[int], workers: int, timeout: float
+) -> Generator[EpisodeOutcome, None, None]:
     """The outcomes of some episodes, as they come; those of processes that die, too."""
     data = pickle.dumps(job)
     inbox: queue.SimpleQueue[WorkerMessage] = queue.SimpleQueue()

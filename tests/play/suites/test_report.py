@@ -5,8 +5,8 @@ import pytest
 
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.requests import GIVEN_TWICE
-from scenegen.play.suites.outcomes import EpisodeOutcome, OutcomesHeader, SuiteOutcomes, dump_outcomes
-from scenegen.play.suites.report import compare_outcomes, report_suite
+from scenegen.play.suites.outcomes import EpisodeOutcome, OutcomesHeader, SuiteOutcomes, compare_outcomes, dump_outcomes
+from scenegen.play.suites.report import report_suite
 from scenegen.play.suites.suite import Suite
 
 

@@ -13,13 +13,14 @@ import pytest
 import torch
 
 import scenegen
-from scenegen.errors import OutputError, RequestError, ScenegenError
+from scenegen.errors import DataError, OutputError, RequestError, ScenegenError
 from scenegen.errors.files import OTHER_REQUEST, SET_IN_USE, UNFINISHED_RUN
-from scenegen.errors.worlds import WORLD_FAILS
+from scenegen.errors.worlds import NOT_A_SUITE, WORLD_FAILS
+from scenegen.learn.success import statistics
 from scenegen.play.policy_server import decode, encode, server_of
 from scenegen.play.suites import run as running
 from scenegen.play.suites.loading import versions_of
-from scenegen.play.suites.outcomes import read_outcomes
+from scenegen.play.suites.outcomes import compare_outcomes, read_outcomes
 from scenegen.play.suites.run import Player, RemotePolicy, run_suite
 from scenegen.play.suites.suite import Suite
 from scenegen.scenes.lock import lock_file
@@ -76,6 +77,29 @@ def test_what_can_never_work_ends_the_run(small, world, policy):
     with pytest.raises(ScenegenError) as caught:
         player(small, policy, world)(0)
     assert caught.value.diagnostics[0].kind == WORLD_FAILS
+
+
+@pytest.mark.long
+def test_a_run_that_ends_once_it_is_decided(small, tmp_path, monkeypatch):
+    """At evidence of 2, which three starts give: one of each band first; a run that is gone on with plays none."""
+    monkeypatch.setattr(statistics, "ALPHA", 0.5)
+    suite, how = Suite.load(small), {"world": WORLD, "steps": 30}
+    bad = run_suite(suite, tmp_path / "bad.jsonl", policy=f"{TOY}:away", **how)
+    played: list[int] = []
+
+    def run(policy, name, **more):
+        played.clear()
+        said = lambda outcome, done, count: played.append(outcome.episode)  # noqa: E731
+        path = run_suite(suite, tmp_path / name, policy=f"{TOY}:{policy}", against=bad, told=said, **how, **more)
+        return compare_outcomes(read_outcomes(path), read_outcomes(bad)).decided
+
+    assert run("towards", "good.jsonl") and played == [0, 1, 2]
+    assert run("towards", "good.jsonl", resume=True) and not played
+    assert not run("away", "same.jsonl") and sorted(played) == list(range(len(suite)))
+    back = Suite.load(small, reverse=True)
+    with pytest.raises(DataError) as caught:
+        run_suite(back, tmp_path / "back.jsonl", policy=f"{TOY}:away", against=bad, **how)
+    assert caught.value.diagnostics[0].kind is NOT_A_SUITE
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ without correction, which finds more than Fisher's exact test. Paired: the same 
 Chosen: the same, but after the first 50 starts, ten of each band, only bands go on in which the two together
 succeed in 15 to 85 %. That choice knows nothing of which policy is better, so the test, given how many starts they
 disagree on, stays exact. The smallest n with power 80 % counts, all episodes included. Until decided: the mean of how
-many common starts are played where one looks after each and stops at `PairedDifference.decided`; this ends always.
+many common starts are played where one looks after each and stops at `PairedDifference.tells_apart`; this ends always.
 
 Simulated policies succeed where latent > 0: a level, minus `slope` times how hard the start is (the quantile of phi as
 a normal score), plus what else is in the start (`start`, the same for both policies), plus noise that follows the
@@ -45,8 +45,8 @@ def mcnemar(first: int, second: int) -> float:
 
 
 @cache
-def decided(first: int, second: int) -> bool:
-    return PairedDifference(first, second, first + second).decided
+def tells_apart(first: int, second: int) -> bool:
+    return PairedDifference(first, second, first + second).tells_apart
 
 
 def paired(success: Outcome, n: int, rng: np.random.Generator) -> float:
@@ -74,7 +74,7 @@ def until_decided(success: Outcome, rng: np.random.Generator) -> float:
     for _ in range(REPEATS):
         one, other = success[:, rng.integers(success.shape[1], size=MOST)]
         counts = zip(np.cumsum(one & ~other).tolist(), np.cumsum(other & ~one).tolist(), strict=True)
-        stops.append(next((n for n, count in enumerate(counts, 1) if decided(*count)), MOST))
+        stops.append(next((n for n, count in enumerate(counts, 1) if tells_apart(*count)), MOST))
     return float(np.mean(stops))
 
 

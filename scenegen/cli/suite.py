@@ -180,7 +180,7 @@ def _run(
     if against is not None:
         found = compare_outcomes(read_outcomes(out), read_outcomes(against))
         how = f"better in {found.first}, worse in {found.second} of {found.n} episodes"
-        print_error(f"{'told apart' if found.decided else 'not told apart'} at 95 %: {how}")
+        print_error(f"{'told apart' if found.tells_apart else 'not told apart'} at 95 %: {how}")
 
 
 def _report(places: list[str], out: Path, **given: Any) -> None:

@@ -112,7 +112,7 @@ class PairedDifference:
         return math.exp(min(beta + (one + other) * math.log(2.0), 700.0))  # 700: what a float can be
 
     @property
-    def decided(self) -> bool:
+    def tells_apart(self) -> bool:
         """Whether the two are told apart at 95 %, at whatever moment one looks."""
         return self.e >= 1.0 / ALPHA
 

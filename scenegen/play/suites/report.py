@@ -161,7 +161,7 @@ def _differences(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
             f"{one.name} - {other.name}", f"{100 * found.difference:+.1f} points ({low} to {high})",
             f"{found.first} and {found.second} of {found.n}", f"{found.p:.2g}",
             ", but the runs differ: ".join(["yes" if found.p < ALPHA else "no", *words]),
-            f"{'yes' if found.decided else 'no'} ({found.e:.3g} of {1.0 / ALPHA:.0f})",
+            f"{'yes' if found.tells_apart else 'no'} ({found.e:.3g} of {1.0 / ALPHA:.0f})",
             f"{found.required_starts(DIFFERENCE):,} ({unpaired:,} on starts of their own)",
         ))  # fmt: skip
     head = (

@@ -74,7 +74,7 @@ def run_suite(
     loading.py); a policy may also be the URL of a server (scenegen/play/policy_server.py). An episode ends where the
     environment says so, at success, or after so many steps; `timeout`, in seconds, kills one that hangs. `resume` goes
     on with a file. `against` is a file of outcomes: starts that are in it are run, one of each band of each task after
-    the other, until the two policies are told apart (`PairedDifference.decided`). Raises RequestError, DataError,
+    the other, until the two policies are told apart (`PairedDifference.tells_apart`). Raises RequestError, DataError,
     OutputError, and ScenegenError where world or policy cannot be had at all.
     """
     out, timeout, steps = as_path("out", out), as_seconds("timeout", timeout), as_int("steps", steps)
@@ -111,7 +111,7 @@ def run_suite(
 
         def is_decided() -> bool:
             mine = SuiteOutcomes(header, tuple(found))
-            return rival is not None and compare_outcomes(mine, rival).decided
+            return rival is not None and compare_outcomes(mine, rival).tells_apart
 
         write_whole(out, dump_outcomes(header, found))
         job = Player(suite.folder, suite.reverse, world, policy, instruction == "empty", steps, timeout / 2.0)

@@ -35,7 +35,7 @@ def test_one_may_look_after_every_episode():
     most 5 % ever do, and not hardly any, within 150 episodes that one alone solves."""
     first = np.cumsum(np.random.default_rng(7).random((2000, 150)) < 0.5, axis=1)
     decided = np.array(
-        [[PairedDifference(k, n - k, n).decided if k <= n else False for k in range(151)] for n in range(1, 151)]
+        [[PairedDifference(k, n - k, n).tells_apart if k <= n else False for k in range(151)] for n in range(1, 151)]
     )
     assert 0.01 <= decided[np.arange(150), first].any(axis=1).mean() <= 0.05
 
@@ -88,4 +88,4 @@ def test_numbers_of_numpy(kind):
 
 def test_no_start_in_common_tells_nothing():
     none = PairedDifference(0, 0, 0)
-    assert (none.difference, none.p, none.interval) == (0.0, 1.0, (-1.0, 1.0)) and not none.decided
+    assert (none.difference, none.p, none.interval) == (0.0, 1.0, (-1.0, 1.0)) and not none.tells_apart

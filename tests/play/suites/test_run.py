@@ -91,7 +91,7 @@ def test_a_run_that_ends_once_it_is_decided(small, tmp_path, monkeypatch):
         played.clear()
         said = lambda outcome, done, count: played.append(outcome.episode)  # noqa: E731
         path = run_suite(suite, tmp_path / name, policy=f"{TOY}:{policy}", against=bad, told=said, **how, **more)
-        return compare_outcomes(read_outcomes(path), read_outcomes(bad)).decided
+        return compare_outcomes(read_outcomes(path), read_outcomes(bad)).tells_apart
 
     assert run("towards", "good.jsonl") and played == [0, 1, 2]
     assert run("towards", "good.jsonl", resume=True) and not played

@@ -9,7 +9,7 @@ without correction, which finds more than Fisher's exact test. Paired: the same 
 Chosen: the same, but after the first 50 starts, ten of each band, only bands go on in which the two together
 succeed in 15 to 85 %. That choice knows nothing of which policy is better, so the test, given how many starts they
 disagree on, stays exact. The smallest n with power 80 % counts, all episodes included. Until decided: the mean of how
-many common starts are played where one looks after each and stops at `PairedDifference.tells_apart`; this ends always.
+many common starts are played where one looks after each and stops at `PairedDifference.is_decided`; this ends always.
 
 Simulated policies succeed where latent > 0: a level, minus `slope` times how hard the start is (the quantile of phi as
 a normal score), plus what else is in the start (`start`, the same for both policies), plus noise that follows the
@@ -30,7 +30,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.arrays import Array, Index
-from scenegen.learn.success.statistics import PairedDifference, Z
+from scenegen.learn.success.statistics import PairedDifference, Z, decided_after
 from scenegen.play.suites.outcomes import read_outcomes
 from scenegen.play.suites.suite import Suite
 
@@ -42,11 +42,6 @@ Outcome = npt.NDArray[np.bool_]  # (2, episodes)
 @cache
 def mcnemar(first: int, second: int) -> float:
     return PairedDifference(first, second, max(1, first + second)).p
-
-
-@cache
-def tells_apart(first: int, second: int) -> bool:
-    return PairedDifference(first, second, first + second).tells_apart
 
 
 def paired(success: Outcome, n: int, rng: np.random.Generator) -> float:
@@ -69,12 +64,11 @@ def chosen(success: Outcome, bands: Index, n: int, rng: np.random.Generator) -> 
 
 
 def until_decided(success: Outcome, rng: np.random.Generator) -> float:
-    """The mean number of common starts until a look after each of them tells the two apart."""
+    """The mean number of common starts that `suite run --until decided` plays."""
     stops = []
     for _ in range(REPEATS):
-        one, other = success[:, rng.integers(success.shape[1], size=MOST)]
-        counts = zip(np.cumsum(one & ~other).tolist(), np.cumsum(other & ~one).tolist(), strict=True)
-        stops.append(next((n for n, count in enumerate(counts, 1) if tells_apart(*count)), MOST))
+        one, other = success[:, rng.integers(success.shape[1], size=MOST)].tolist()
+        stops.append(decided_after(range(MOST), dict(enumerate(one)), dict(enumerate(other))) or MOST)
     return float(np.mean(stops))
 
 

@@ -52,7 +52,7 @@ def suite(
     instruction: str | None = option("run: own, or empty: the same starts without a word.", "own|empty"),
     episodes: str | None = option("run: some of them; default: all.", "FIRST:END"),
     resume: bool = option("run: go on with a file."),
-    until: str | None = option("run: stop once the two policies are told apart.", "decided"),
+    until: str | None = option("run: stop once one of two policies is shown to be better.", "decided"),
     against: Path | None = option("run: with --until, the outcomes of the other policy.", ".jsonl"),
     steps: int | None = option("run: of an episode at most; default: 1000.", "N"),
     pictures: int | None = option("report: of so many starts; default: 8.", "N"),
@@ -76,7 +76,8 @@ def suite(
     a spec with a label of its starts.
 
     `run` writes a line for each episode; one that fails, dies or hangs counts as a failure, and the others go on.
-    With --until decided it looks after every episode, by a test that allows it, and stops at a difference.
+    With --until decided it looks after every episode, by a test that allows it, and stops once one policy is shown to
+    be better.
     """
     given = {name: value for name, value in locals().items() if value is not None and value is not False}
     del given["action"], given["places"]
@@ -144,7 +145,7 @@ def _run(
     against: Path | None = None,
     **given: Any,
 ) -> None:
-    from scenegen.play.suites.outcomes import compare_outcomes, read_outcomes
+    from scenegen.play.suites.outcomes import RUN_FIELDS, compare_outcomes, differences, read_outcomes
     from scenegen.play.suites.run import run_suite
     from scenegen.play.suites.suite import Suite
     from scenegen.scenes.formats.registry import check_ending
@@ -152,14 +153,14 @@ def _run(
     first, _, end = (episodes or ":").partition(":")
     if not all(one.isdecimal() or not one for one in (first, end)) or (episodes is not None and ":" not in episodes):
         raise RequestError(ARGUMENT_SYNTAX(what="a part of a suite", form="FIRST:END", example="0:500"))
-    if until is not None and until != "decided":
-        raise RequestError(UNKNOWN_CHOICE(what="end of a run", name=until, known=("decided",)))
-    for name, other, question in (
-        ("against", until if against is None else None, "which outcomes is this policy compared with?"),
-        ("until", against if until is None else None, "`--until decided` compares with these outcomes"),
-    ):
-        if other is not None:
-            raise RequestError(MISSING_ARGUMENT(argument=name, question=question))
+    if until not in (None, "decided"):
+        raise RequestError(UNKNOWN_CHOICE(what="end", name=until, known=("decided",)))
+    if until and not against:
+        raise RequestError(
+            MISSING_ARGUMENT(argument="against", question="which outcomes is this policy compared with?")
+        )
+    if against and not until:
+        raise RequestError(MISSING_ARGUMENT(argument="until", question="--until decided goes with --against"))
     check_ending(out, ".jsonl")
     loaded = Suite.load(places[0], reverse=reverse)
     some = loaded.part(int(first or 0), int(end) if end else None, bands)
@@ -177,10 +178,14 @@ def _run(
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(f"interrupted after {done} episodes; --resume goes on in {out}") from error
     print_error(f"{successes:,} of {done:,} episodes succeed; outcomes in {out}")
-    if against is not None:
-        found = compare_outcomes(read_outcomes(out), read_outcomes(against))
-        how = f"better in {found.first}, worse in {found.second} of {found.n} episodes"
-        print_error(f"{'told apart' if found.tells_apart else 'not told apart'} at 95 %: {how}")
+    if against:
+        mine, other = read_outcomes(out), read_outcomes(against)
+        found, unlike = compare_outcomes(mine, other), differences(mine.header, other.header)
+        fields = ", ".join(name for name in RUN_FIELDS if name in unlike)
+        print_error(
+            f"{'decided' if found.is_decided else 'not decided'}: better in {found.first}, worse in {found.second}"
+            f" of {found.n} episodes{f', but the runs differ in {fields}' if fields else ''}"
+        )
 
 
 def _report(places: list[str], out: Path, **given: Any) -> None:

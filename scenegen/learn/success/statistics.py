@@ -5,6 +5,7 @@ episodes a difference needs. Two-sided, at 95 %; power 80 %.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,19 +103,19 @@ class PairedDifference:
         return min(1.0, float(2 * sum(math.comb(most, k) for k in range(least + 1)) / 2**most))
 
     @property
-    def e(self) -> float:
-        """The evidence against no difference: how much likelier the episodes that one alone solved are where the first
-        one solves a share of them that is unknown (Jeffreys' prior, Krichevsky and Trofimov 1981) than where each
-        solves half. It may be looked at after every episode: where there is no difference it ever reaches 1 / alpha
-        with a probability of at most alpha (Ville 1939; Ramdas and others 2023, section 3)."""
+    def evidence(self) -> float:
+        """How much likelier the episodes that one alone solved are where the first one solves a share of them that is
+        unknown (Jeffreys' prior, Krichevsky and Trofimov 1981) than where each solves half, from 0 on. It may be looked
+        at after every episode: where there is no difference it *ever* reaches 1 / ALPHA with a probability of at most
+        ALPHA (Ville 1939; Ramdas and others 2023, section 3)."""
         one, other = int(self.first), int(self.second)
         beta = math.lgamma(one + 0.5) + math.lgamma(other + 0.5) - math.lgamma(one + other + 1.0) - math.log(math.pi)
         return math.exp(min(beta + (one + other) * math.log(2.0), 700.0))  # 700: what a float can be
 
     @property
-    def tells_apart(self) -> bool:
-        """Whether the two are told apart at 95 %, at whatever moment one looks."""
-        return self.e >= 1.0 / ALPHA
+    def is_decided(self) -> bool:
+        """Whether one of the two is shown to be better, however often one looked."""
+        return self.evidence >= 1.0 / ALPHA
 
     def required_starts(self, difference: float) -> int:
         """How many starts, of the same make, tell such a difference apart: at least as many disagree as it takes, and
@@ -122,6 +123,21 @@ class PairedDifference:
         disagree = max((self.first + self.second + 1.0) / (self.n + 2.0), difference)
         within = math.sqrt(max(0.0, disagree - difference**2))
         return math.ceil(((Z * math.sqrt(disagree) + POWER * within) / difference) ** 2)
+
+
+def decided_after(order: Iterable[int], first: Mapping[int, bool], second: Mapping[int, bool]) -> int | None:
+    """After how many episodes, in an order drawn by lot, one of two policies is shown to be better; None if it is not,
+    or not yet. `first` and `second` are success by the number of the episode; the first that is missing ends the
+    look."""
+    one = other = 0
+    for count, number in enumerate(order, 1):
+        if number not in first or number not in second:
+            return None
+        if first[number] != second[number]:
+            one, other = one + first[number], other + second[number]
+            if PairedDifference(one, other, count).is_decided:
+                return count
+    return None
 
 
 def required_unpaired_starts(share: float, difference: float) -> int:

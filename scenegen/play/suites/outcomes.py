@@ -24,6 +24,8 @@ from scenegen.learn.success.statistics import PairedDifference
 from scenegen.play.suites.suite import Suite
 from scenegen.scenes.files import read_bytes
 
+RUN_FIELDS = ("steps", "timeout", "world", "versions")  # what should not differ between runs that are compared
+
 
 class EpisodeOutcome(FileModel, extra="allow"):
     """Another line: `error` says why an episode counts as a failure that was none of the world's judgement."""

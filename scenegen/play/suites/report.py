@@ -18,6 +18,7 @@ from scenegen.errors.files import WRONG_ENDING
 from scenegen.errors.requests import GIVEN_TWICE
 from scenegen.learn.success.statistics import ALPHA, base_rate, required_unpaired_starts, wilson
 from scenegen.play.suites.outcomes import (
+    RUN_FIELDS,
     EpisodeOutcome,
     SuiteOutcomes,
     check_outcomes,
@@ -29,7 +30,6 @@ from scenegen.play.suites.suite import GradedStart, Suite
 from scenegen.scenes.files import write_whole
 from scenegen.validation import as_path
 
-RUN_FIELDS = ("steps", "timeout", "world", "versions")  # what should not differ between runs that are compared
 DIFFERENCE = 0.05  # the difference whose episodes are counted
 PICTURE_SIZE = (320, 240)
 PAGE_STYLE = """
@@ -161,7 +161,7 @@ def _differences(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
             f"{one.name} - {other.name}", f"{100 * found.difference:+.1f} points ({low} to {high})",
             f"{found.first} and {found.second} of {found.n}", f"{found.p:.2g}",
             ", but the runs differ: ".join(["yes" if found.p < ALPHA else "no", *words]),
-            f"{'yes' if found.tells_apart else 'no'} ({found.e:.3g} of {1.0 / ALPHA:.0f})",
+            f"{'yes' if found.is_decided else 'no'} ({found.evidence:.3g} of {1.0 / ALPHA:.0f})",
             f"{found.required_starts(DIFFERENCE):,} ({unpaired:,} on starts of their own)",
         ))  # fmt: skip
     head = (

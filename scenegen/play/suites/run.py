@@ -7,6 +7,7 @@ replaced by another one. What cannot work for any episode, such as a world that 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import http.client
 import inspect
 import math
@@ -15,7 +16,7 @@ import queue
 import secrets
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -27,13 +28,12 @@ from scenegen.errors.program import PROCESS_DIED
 from scenegen.errors.requests import BAD_PLUGIN, OUT_OF_RANGE, UNKNOWN_CHOICE
 from scenegen.errors.worlds import NOT_A_SUITE, WORLD_FAILS
 from scenegen.learn.success.files import Instruction, OutcomesHeader
+from scenegen.learn.success.statistics import decided_after
 from scenegen.play.policy_server import decode, encode
 from scenegen.play.suites.loading import check_name, load_named, versions_of
 from scenegen.play.suites.outcomes import (
     EpisodeOutcome,
-    SuiteOutcomes,
     check_same_run,
-    compare_outcomes,
     dump_line,
     dump_outcomes,
     read_outcomes,
@@ -73,9 +73,9 @@ def run_suite(
     a class, or a function of `env`, that makes one: "module:name" or "file.py:name", or a name such as "table" (see
     loading.py); a policy may also be the URL of a server (scenegen/play/policy_server.py). An episode ends where the
     environment says so, at success, or after so many steps; `timeout`, in seconds, kills one that hangs. `resume` goes
-    on with a file. `against` is a file of outcomes: starts that are in it are run, one of each band of each task after
-    the other, until the two policies are told apart (`PairedDifference.tells_apart`). Raises RequestError, DataError,
-    OutputError, and ScenegenError where world or policy cannot be had at all.
+    on with a file. `against` is the file of outcomes of another policy: of the starts in it as many are run, in an
+    order drawn by lot, as show which of the two is better (`PairedDifference.is_decided`). Raises RequestError,
+    DataError, OutputError, and ScenegenError where world or policy cannot be had at all.
     """
     out, timeout, steps = as_path("out", out), as_seconds("timeout", timeout), as_int("steps", steps)
     if steps < 1:
@@ -84,11 +84,13 @@ def run_suite(
         raise RequestError(UNKNOWN_CHOICE(what="instruction", name=instruction, known=get_args(Instruction)))
     check_name("world", world)
     check_name("policy", policy)
-    rival = None if against is None else read_outcomes(as_path("against", against), suite)
-    if rival is not None and rival.header.reverse != suite.reverse:
-        whose = "all tasks" if suite.reverse else "the reversed tasks"
-        reason = f"it is of {'the reversed' if rival.header.reverse else 'the'} tasks, and these starts of {whose}"
-        raise DataError(NOT_A_SUITE(file=against, what="of these starts", reason=reason))
+    numbers = list(episodes or range(len(suite)))
+    if against is None:
+        other = None
+        order = sorted(numbers, key=lambda number: suite.tasks.index(suite[number].task))
+    else:
+        other = _outcomes_to_compare(as_path("against", against), suite, numbers)
+        order = shuffle_episodes(suite.digest, other.keys() & numbers)
     header = OutcomesHeader(
         suite=suite.name, digest=suite.digest, world=world, policy=policy, instruction=instruction,
         reverse=suite.reverse, episodes=len(suite), steps=steps, timeout=timeout, versions=versions_of(world),
@@ -102,32 +104,61 @@ def run_suite(
                 raise RequestError(UNFINISHED_RUN(folder=out, outcomes=len(before.episodes)))
             check_same_run(out, before.header, header)
             header, found = before.header, list(before.episodes)
-        there = {one.episode for one in found}
-        numbers = episodes or range(len(suite))
-        wanted = [suite[k] for k in numbers if k not in there and (rival is None or k in rival.success)]
-        size = len(suite) if rival is None else len(suite.cells)  # of a round, in which each task has its turn once
-        wanted.sort(key=lambda start: (start.number // size, suite.tasks.index(start.task)))
-        todo = deque(start.number for start in wanted)
+        success = {one.episode: one.success for one in found}
+        todo = deque(number for number in order if number not in success)
+        count = len(todo)
 
         def is_decided() -> bool:
-            mine = SuiteOutcomes(header, tuple(found))
-            return rival is not None and compare_outcomes(mine, rival).tells_apart
+            return other is not None and decided_after(order, success, other) is not None
 
         write_whole(out, dump_outcomes(header, found))
         job = Player(suite.folder, suite.reverse, world, policy, instruction == "empty", steps, timeout / 2.0)
         if is_decided():
             todo.clear()
         playing = _play_all(job, suite, todo, check_workers(workers), timeout)
+        outcomes = playing if other is None else _in_order(playing, [*todo])
         with report_write_errors(out), out.open("ab") as file, contextlib.closing(playing):
-            for done, outcome in enumerate(playing, 1):
+            for done, outcome in enumerate(outcomes, 1):
                 file.write(dump_line(outcome))
                 file.flush()
                 found.append(outcome)
-                told(outcome, done, len(wanted))
+                success[outcome.episode] = outcome.success
+                told(outcome, done, count)
                 if is_decided():
                     break
         write_whole(out, dump_outcomes(header, found))
     return out
+
+
+def _outcomes_to_compare(path: Path, suite: Suite, numbers: Collection[int]) -> dict[int, bool]:
+    """Success by the number of the episode, from a file. Raises DataError where it has none of these episodes."""
+    read = read_outcomes(path, suite)
+    reason = ""
+    if read.header.reverse != suite.reverse:
+        reason = f"it is {'' if read.header.reverse else 'not '}of the reversed tasks"
+    elif read.success.keys().isdisjoint(numbers):
+        reason = "it has none of these episodes"
+    if reason:
+        raise DataError(NOT_A_SUITE(file=path, what="a file to compare this run with", reason=reason))
+    return read.success
+
+
+def _in_order(outcomes: Iterable[EpisodeOutcome], order: Iterable[int]) -> Iterator[EpisodeOutcome]:
+    """Outcomes in an order of their episodes, each as soon as all before it are there: those that come early are rather
+    successes, and a file that a kill leaves has the same episodes as one of a single worker."""
+    early: dict[int, EpisodeOutcome] = {}
+    coming = iter(outcomes)
+    for number in order:
+        while number not in early:
+            outcome = next(coming)
+            early[outcome.episode] = outcome
+        yield early.pop(number)
+
+
+def shuffle_episodes(digest: str, numbers: Iterable[int]) -> list[int]:
+    """Episodes of a suite, by its digest, in an order that is drawn by lot once for all: with tasks one after the other
+    a policy that is better in the first of them would seem better in all."""
+    return sorted(numbers, key=lambda number: hashlib.sha256(f"{digest} {number}".encode()).digest())
 
 
 def _play_all(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from scenegen.learn.success.statistics import PairedDifference, required_unpaired_starts, wilson
+from scenegen.learn.success.statistics import PairedDifference, decided_after, required_unpaired_starts, wilson
 
 
 @pytest.mark.parametrize("hits, n", [(0, 10), (3, 10), (50, 50), (417, 2500)])
@@ -27,17 +27,26 @@ def test_evidence(first, second):
     likely = integrate.quad(
         lambda turn: math.sin(turn) ** (2 * first) * math.cos(turn) ** (2 * second) * 2 / math.pi, 0, math.pi / 2
     )[0]  # of a share sin^2
-    assert PairedDifference(first, second, 500).e == pytest.approx(likely * 2.0 ** (first + second))
+    assert PairedDifference(first, second, 500).evidence == pytest.approx(likely * 2.0 ** (first + second))
 
 
 def test_one_may_look_after_every_episode():
-    """2,000 comparisons of policies that do not differ, where one stops at the first look that tells them apart: at
-    most 5 % ever do, and not hardly any, within 150 episodes that one alone solves."""
+    """2,000 comparisons of policies that do not differ, where one stops at the first look that decides: at most 5 %
+    ever do, and not hardly any, within 150 episodes that one alone solves."""
     first = np.cumsum(np.random.default_rng(7).random((2000, 150)) < 0.5, axis=1)
     decided = np.array(
-        [[PairedDifference(k, n - k, n).tells_apart if k <= n else False for k in range(151)] for n in range(1, 151)]
+        [[PairedDifference(k, n - k, n).is_decided if k <= n else False for k in range(151)] for n in range(1, 151)]
     )
     assert 0.01 <= decided[np.arange(150), first].any(axis=1).mean() <= 0.05
+
+
+def test_a_look_ends_at_an_episode_that_is_under_way():
+    good, bad = dict.fromkeys(range(20), True), dict.fromkeys(range(20), False)
+    assert decided_after(range(20), good, bad) == decided_after(range(20), bad, good) == 7
+    assert decided_after([3, *range(10, 20), 0], {**good, 5: False}, bad) == 7
+    del good[4]
+    assert decided_after(range(20), good, bad) is None and decided_after(range(5, 20), good, bad) == 7
+    assert decided_after(range(20), bad, bad) is None
 
 
 def test_intervals_cover():
@@ -88,4 +97,4 @@ def test_numbers_of_numpy(kind):
 
 def test_no_start_in_common_tells_nothing():
     none = PairedDifference(0, 0, 0)
-    assert (none.difference, none.p, none.interval) == (0.0, 1.0, (-1.0, 1.0)) and not none.tells_apart
+    assert (none.difference, none.p, none.interval) == (0.0, 1.0, (-1.0, 1.0)) and not none.is_decided

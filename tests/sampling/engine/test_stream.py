@@ -328,7 +328,7 @@ def test_a_block_that_does_not_pass_inspection_is_not_stored(tmp_path):
                 raise AssertionError("not asked for")
 
     with pytest.raises(AssertionError):
-        stream(tmp_path / "x.jsonl", Inspected(2000, verified=True), size=300, checkpoint=0.0)
+        stream(tmp_path / "x.jsonl", Inspected(2000, is_verified=True), size=300, checkpoint=0.0)
     manifest = json.loads((tmp_path / "x.jsonl.part" / "manifest.json").read_text())
     assert sum(shard["scenes"] for shard in manifest["shards"]) == 600
 

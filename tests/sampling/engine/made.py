@@ -47,7 +47,7 @@ class Made:
     def __post_init__(self):
         cells = cut(SampleRequest({"task": Range(self.low, 0.9)}, spread=self.spread), ("task",))
         object.__setattr__(self, "cells", cells)
-        object.__setattr__(self, "reached", tuple(range(cells.count)))
+        object.__setattr__(self, "reached_cells", tuple(range(cells.count)))
 
     @property
     def groups(self):

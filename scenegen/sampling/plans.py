@@ -70,8 +70,8 @@ def plan_for(
 
 
 def make_plan(problem: Problem, budget: Budget, proposer: Proposer | None = None, *, method: str | None = None) -> Plan:
-    """The plan of a problem, by the request's method or another one. Raises RequestError where there is no scene, or time
-    is up before there is a plan, and what else the method raises."""
+    """The plan of a problem, by the request's method or another one. Raises RequestError where there is no scene, or
+    time is up before there is a plan, and what else the method raises."""
     from scenegen.sampling.problem import phi_varies
     from scenegen.sampling.report import too_early
 

@@ -21,6 +21,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "scenegen needs Python 3.11 or newer on the PATH"; exit 1; }
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "scenegen needs Python 3.11 or newer; $(PYTHON) is older"; exit 1; }
 	"$(PYTHON)" -m venv .venv
+	@echo "Installing into .venv: 3 GB, or more where torch brings CUDA; this takes minutes"
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[test]"
 	@touch $@
 

@@ -1,4 +1,5 @@
-"""Checks that authors of packages with entry points of scenegen run in a test of their own (docs/extending.md)."""
+"""Checks that authors of packages with entry points of scenegen run in a test of their own (docs/extending.md,
+docs/policies.md)."""
 
 from scenegen.play.conformance import check_policy, check_world
 from scenegen.worlds.conformance import check_exporter

@@ -31,6 +31,7 @@ from scenegen.errors.requests import (
 )
 from scenegen.pose import NAMES, PLACE, THETA, TWO_PI, X, Y, row_of
 from scenegen.sampling.plan import verify
+from scenegen.sampling.plans import SELECTIONS
 from scenegen.sampling.problem import Problem, make_problem
 from scenegen.sampling.request import SampleRequest
 from scenegen.sampling.streams import COMPLETION_STREAM
@@ -107,8 +108,7 @@ def complete(
         raise RequestError(NO_SCENES())
     for name, odd in (
         ("n", n not in (None, len(given))),
-        ("settle", request.settle),
-        ("success", request.success is not None),
+        *((option, bool(getattr(request, option))) for option in SELECTIONS),
         ("method", request.method not in ("auto", "rejection")),
     ):
         if odd:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -165,12 +166,14 @@ def _run(
     loaded = Suite.load(places[0], reverse=reverse)
     some = loaded.part(int(first or 0), int(end) if end else None, bands)
     successes = done = 0
+    errors = Counter[str]()
     with progress_bar() as bar:
         task = bar.add_task("episodes", total=len(some))
 
         def report_episode(outcome: EpisodeOutcome, count: int, total: int) -> None:
             nonlocal successes, done
             successes, done = successes + outcome.success, count
+            errors.update([outcome.error] if outcome.error is not None else [])
             bar.update(task, completed=count, total=total, description=f"episodes: {successes} of {count} succeed")
 
         try:
@@ -178,6 +181,9 @@ def _run(
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt(f"interrupted after {done} episodes; --resume goes on in {out}") from error
     print_error(f"{successes:,} of {done:,} episodes succeed; outcomes in {out}")
+    if errors:
+        often = errors.most_common(1)[0][0]
+        print_error(f"{errors.total():,} of them ended by an error and count as failures, most often: {often}")
     if against:
         mine, other = read_outcomes(out), read_outcomes(against)
         found, unlike = compare_outcomes(mine, other), differences(mine.header, other.header)

@@ -36,7 +36,7 @@ from scenegen.learn.training.balanced import reach
 from scenegen.processes.pool import one_thread
 from scenegen.resources import __version__
 from scenegen.sampling.plan import Plan
-from scenegen.sampling.plans import draw
+from scenegen.sampling.plans import SELECTIONS, draw
 from scenegen.sampling.problem import Problem, make_problem
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.scenes.data import WorkspaceData
@@ -94,7 +94,7 @@ class AnyModel(Model):
             request.phi, COMPARED_SCENES, EXACT_SEED, spread=request.spread, fix=request.fix, workers=1
         )
         exact, _ = self._exact(asked)
-        selected = request.raw or request.settle or request.success is not None
+        selected = request.raw or any(getattr(request, option) for option in SELECTIONS)
         if rows is None or rows.shape[1] < COMPARED_SCENES or selected:
             try:
                 rows = sample_model(self, asked, replace(self._budget.portion(EXACT_SECONDS), firm=False))[0]

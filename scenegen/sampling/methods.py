@@ -9,7 +9,7 @@ from dataclasses import dataclass
 @dataclass(frozen=True, slots=True)
 class Method:
     """`make` is "module:function". It makes a plan from a problem and a budget; if `proposes`, also from a proposer.
-    Raises RequestError if there is no scene, or if time is up before there is a plan."""
+    Raises RequestError if there is no scene, and that or StoppedError if time is up before there is a plan."""
 
     make: str
     good_for: str

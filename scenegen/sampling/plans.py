@@ -7,9 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
+from scenegen.errors import RequestError
 from scenegen.sampling.engine.run import SampledScenes, in_memory
 from scenegen.sampling.methods import METHODS
-from scenegen.search.effort import Budget
+from scenegen.search.effort import Budget, StoppedError
 
 if TYPE_CHECKING:
     from scenegen.lang.spec import CheckedSpec
@@ -69,13 +70,18 @@ def plan_for(
 
 
 def make_plan(problem: Problem, budget: Budget, proposer: Proposer | None = None, *, method: str | None = None) -> Plan:
-    """The plan of a problem, by the request's method or another one. Raises what the method raises."""
+    """The plan of a problem, by the request's method or another one. Raises RequestError where there is no scene, or
+    time is up before there is a plan, and what else the method raises."""
     from scenegen.sampling.problem import phi_varies
+    from scenegen.sampling.report import too_early
 
     entry = METHODS[method or problem.request.method]
     if not entry.proposes and not phi_varies(problem):  # all scenes have the same phi
         entry = METHODS["rejection"]
-    plan: Plan = _load(entry.make)(*((problem, budget, proposer) if entry.proposes else (problem, budget)))
+    try:
+        plan: Plan = _load(entry.make)(*((problem, budget, proposer) if entry.proposes else (problem, budget)))
+    except StoppedError as stopped:
+        raise RequestError(too_early(problem, stopped.how_far or "no draws at all", len(problem.possible))) from None
     return plan
 
 

@@ -439,6 +439,18 @@ def test_given_scenes_that_cannot_be():
         scenegen.sample(spec, (0.0, None), n=5, fix=near)
 
 
+def test_no_option_that_leaves_out_scenes_goes_with_given_ones(monkeypatch):
+    spec = scenegen.parse(GIVEN)
+    given = {"mug": scenegen.sample(spec, (-0.4, -0.2), n=3, seed=1).poses[:, 0]}
+    with pytest.raises(RequestError, match="`settle` does not go with given scenes"):
+        scenegen.sample(spec, (0.0, None), fix=given, settle=True)
+    with pytest.raises(RequestError, match="`success` does not go with given scenes"):
+        scenegen.sample(spec, (0.0, None), fix=given, success=(0.4, 0.6), under="mine.fit")
+    monkeypatch.setattr("scenegen.api.complete.SELECTIONS", {"seed": "a new option's:select"})
+    with pytest.raises(RequestError, match="`seed` does not go with given scenes"):
+        scenegen.sample(spec, (0.0, None), fix=given, seed=1)
+
+
 @pytest.fixture(scope="module")
 def settled():
     """A can that stands half over the edge of a board falls; it lies beside it then."""

@@ -32,6 +32,16 @@ def test_the_program(small, scenegen, tmp_path):
     assert said.status == 0 and text.count("<img") == 1 and "http" not in text and "Put a beside b." in text
 
 
+def test_episodes_that_end_by_an_error_are_told(small, scenegen, tmp_path):
+    toy = small.parents[3] / "play" / "suites" / "toy.py"
+    run = ["suite", "run", str(small), "--world", f"{toy}:make", "--policy", f"{toy}:dying", "--episodes", "0:2"]
+    said = scenegen(*run, "--steps", "30", "--out", str(tmp_path / "dying.jsonl"))
+    assert said.status == 0 and "1 of 2 episodes succeed" in said.err
+    assert "1 of them ended by an error and count as failures, most often: ValueError: no plan" in " ".join(
+        said.err.split()
+    )
+
+
 @pytest.mark.parametrize(
     "words, kind",
     [

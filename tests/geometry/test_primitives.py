@@ -270,6 +270,7 @@ WORKED = {
 
 @pytest.mark.parametrize("name", [name for name in RULES if set(PRIMITIVES[name].params) <= {"number", "place"}])
 def test_rules_worked_by_hand(name):
+    assert name in WORKED, f"`{name}` has a rule `backward`: add cases that you worked by hand to WORKED, above"
     for wanted, args, expected in WORKED[name]:
         found = PRIMITIVES[name].backward(box(*wanted), *(box(*arg) for arg in args))
         if expected is None:

@@ -12,9 +12,10 @@ import pytest
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Apply, Atom, gate
-from scenegen.sampling import report
+from scenegen.sampling import plans, report
 from scenegen.sampling.engine.blocks import run_blocks
 from scenegen.sampling.growth.rarity import NoRoom, grow_islands
+from scenegen.sampling.methods import Method
 from scenegen.sampling.plans import make_plan
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rejection.trial import TRIAL_WORK, make_trial
@@ -264,3 +265,14 @@ def test_growth_looks_at_the_clock_from_the_first_step_on(clock):
         with pytest.raises(StoppedError):
             grow_islands(problem, 2, 8, (0,), nodes, deadline=0.5)
         assert clock.looks == k and clock.rules == 0, "nothing is done after time is up"
+
+
+def stop_at_once(problem, budget):
+    raise StoppedError
+
+
+def test_a_method_that_stops_before_it_has_a_plan_is_told_like_any_other(spec, monkeypatch):
+    monkeypatch.setitem(plans.METHODS, "late", Method(f"{__name__}:{stop_at_once.__name__}", ""))
+    problem = make_problem(spec, SampleRequest({"task": Range(0.0, None)}))
+    with pytest.raises(RequestError, match="no draws at all"):
+        make_plan(problem, Budget(60.0), method="late")

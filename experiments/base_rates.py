@@ -27,7 +27,7 @@ from scenegen.learn.success.logistic import FEATURE_SETS, Outcomes, fit_logistic
 from scenegen.learn.success.measures import auc, brier, calibration_error
 from scenegen.learn.success.rates import cut_strata
 from scenegen.play.suites.suite import Suite, SuiteTask
-from scenegen.pose import X, Y, along
+from scenegen.pose import X, Y, rows_along
 
 POOL = 50_000  # base scenes
 TESTED = 5_000  # held-out starts
@@ -62,7 +62,7 @@ def starts_of(task: SuiteTask) -> Starts:
     rows = rows_of(spec, scenes)
     features, values = measure_features(spec, task.success, rows)
     first = things_of(spec, task.success)[0]
-    return Starts(features, values, np.stack([rows[along(X)][first], rows[along(Y)][first]]))
+    return Starts(features, values, np.stack([rows[rows_along(X)][first], rows[rows_along(Y)][first]]))
 
 
 def _sigmoid(odds: Array) -> Array:

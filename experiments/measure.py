@@ -12,7 +12,7 @@ from experiments.metrics import error_statistics, ks_screen
 from experiments.problems import BAND, ORDERINGS, Problem
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec
-from scenegen.pose import X, Y, along
+from scenegen.pose import X, Y, rows_along
 from scenegen.scenes.coverage import coverage
 
 Array = npt.NDArray[np.float64]
@@ -64,7 +64,7 @@ def ks_distance(reference: Array, rows: Array) -> float:
 
 def margins(rows: Array) -> Array:
     """(4, n): by how much the blocks of scenes (3N, n) are in each of ORDERINGS; the least step between neighbours."""
-    steps_x, steps_y = np.diff(rows[along(X)], axis=0), np.diff(rows[along(Y)], axis=0)
+    steps_x, steps_y = np.diff(rows[rows_along(X)], axis=0), np.diff(rows[rows_along(Y)], axis=0)
     return np.stack([steps_x.min(axis=0), (-steps_x).min(axis=0), steps_y.min(axis=0), (-steps_y).min(axis=0)])
 
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from scenegen.arrays import Array
 from scenegen.learn.evaluation.fidelity import deviations, summed_distances, whiten
-from scenegen.pose import THETA, TWO_PI, X, Y, along, is_angle, object_count
+from scenegen.pose import THETA, TWO_PI, X, Y, is_angle, object_count, rows_along
 from scenegen.scenes.coverage import (
     center,
     check_rows,
@@ -308,7 +308,7 @@ def kuiper(a: Array, b: Array) -> tuple[float, float]:
 
 def _columns(rows: Array, names: Sequence[str]) -> Iterator[tuple[str, bool, Array]]:
     """Name, whether it is an angle (then in [0, 2 pi)), and values (B,) of every column, one at a time."""
-    x, y, theta = rows[along(X)], rows[along(Y)], rows[along(THETA)]
+    x, y, theta = rows[rows_along(X)], rows[rows_along(Y)], rows[rows_along(THETA)]
     for i, name in enumerate(names):
         yield f"x({name})", False, x[i]
         yield f"y({name})", False, y[i]
@@ -412,7 +412,7 @@ def duplicates(rows: npt.ArrayLike, *, tolerance: float = TOLERANCE) -> Duplicat
     poses = check_rows(rows).copy()
     if not 0.0 <= tolerance < 1.0:
         raise ValueError(f"tolerance is {tolerance}; it is from 0 to below 1, in metres and radians")
-    poses[along(THETA)] = np.mod(poses[along(THETA)], TWO_PI)
+    poses[rows_along(THETA)] = np.mod(poses[rows_along(THETA)], TWO_PI)
     scenes = poses.shape[1]
     if not scenes:
         return Duplicates(0.0, 0.0, tolerance)

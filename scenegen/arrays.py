@@ -17,13 +17,13 @@ Index = npt.NDArray[np.intp]
 def as_numbers(values: Any) -> Array:
     """The numbers of an array, a tensor on any device, a column of a data frame or lists of these, copied; NaN where
     they are masked or missing. Raises TypeError and ValueError for anything else, complex numbers and flags too."""
-    found = np.asarray(unmasked(values))
+    found = np.asarray(plain_values(values))
     if found.dtype.kind not in "fiuOU":
         raise TypeError(f"{found.dtype} are not real numbers")
     return found.astype(np.float64, copy=not isinstance(values, list | tuple))
 
 
-def unmasked(values: Any) -> Any:
+def plain_values(values: Any) -> Any:
     """The same numbers, those of tensors and of masked arrays, also within lists, as arrays: NaN where they are masked.
     What is none of these stays as it is."""
     if hasattr(values, "detach"):  # a tensor
@@ -32,7 +32,7 @@ def unmasked(values: Any) -> Any:
     if isinstance(values, np.ma.MaskedArray):
         return values.data if values.dtype.kind in "cb" else np.ma.filled(values.astype(np.float64), np.nan)
     if isinstance(values, list | tuple) and _have_arrays(values):
-        return [unmasked(one) for one in values]
+        return [plain_values(one) for one in values]
     return values
 
 

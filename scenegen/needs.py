@@ -32,11 +32,11 @@ INSTALL = {
 
 def need(package: str, purpose: str) -> None:
     """Raises RequestError where a package of `INSTALL` is missing. `purpose` completes "torch is needed ..."."""
-    if not found(package):
+    if not is_installed(package):
         raise RequestError(NOT_INSTALLED(package=package, purpose=purpose, command=INSTALL[package]))
 
 
-def found(package: str) -> bool:
+def is_installed(package: str) -> bool:
     """Whether a package is installed; it is looked for, not imported."""
     if sys.modules.get(package) is not None:
         return True

@@ -71,7 +71,7 @@ def span_of(thing: int, count: int = SIZE) -> slice:
     return slice(SIZE * thing, SIZE * thing + count)
 
 
-def along(axis: int) -> slice:
+def rows_along(axis: int) -> slice:
     """The rows of all objects along one axis, as a slice of storage."""
     return slice(axis, None, SIZE)
 
@@ -101,7 +101,7 @@ def wrap_heading(namespace: Any, theta: Any) -> Any:
 def keep_below_turn(rows: npt.NDArray[Any]) -> None:
     """In (3N, B) storage, headings that rounding brought to 2 pi become the largest below, in place."""
     for axis in ANGLES:
-        rows[along(axis)].clip(None, BELOW_TURN, out=rows[along(axis)])
+        rows[rows_along(axis)].clip(None, BELOW_TURN, out=rows[rows_along(axis)])
 
 
 def as_poses(rows: npt.NDArray[Any]) -> npt.NDArray[Any]:

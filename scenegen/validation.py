@@ -40,7 +40,7 @@ class Option:
     of: tuple[str, ...] = ("scenes", "motions")
     panel: str | None = None
 
-    def checked(self, name: str, value: Any) -> Any:
+    def check_value(self, name: str, value: Any) -> Any:
         """The value as it is kept. Raises RequestError for what it cannot be."""
         if self.most is not None:
             number = as_int(name, value)

@@ -32,7 +32,7 @@ def test_a_row_belongs_to_one_object_and_one_axis() -> None:
     assert pose.object_count(len(rows)) == 3
     assert [rows[pose.span_of(thing)] for thing in range(3)] == [list(pose.rows_of(thing)) for thing in range(3)]
     for axis in pose.EVERY:
-        assert rows[pose.along(axis)] == [row for row in rows if pose.axis_of(row) == axis]
+        assert rows[pose.rows_along(axis)] == [row for row in rows if pose.axis_of(row) == axis]
 
 
 def test_axes_are_lengths_or_angles() -> None:
@@ -65,10 +65,10 @@ def test_the_workspace_has_a_range_for_each_axis() -> None:
     space = Workspace((0.0, 2.0), (-1.0, 1.0))
     assert len(space.ranges) == len(space.scales) == pose.SIZE
     lowest, highest = space.box(2)
-    assert lowest[pose.along(pose.Y)].tolist() == [-1.0, -1.0]
-    assert highest[pose.along(pose.THETA)].tolist() == [pose.TWO_PI] * 2
+    assert lowest[pose.rows_along(pose.Y)].tolist() == [-1.0, -1.0]
+    assert highest[pose.rows_along(pose.THETA)].tolist() == [pose.TWO_PI] * 2
     assert space.contains(np.stack([lowest, highest], axis=1)).tolist() == [True, False], "theta ends below 2 pi"
-    highest[pose.along(pose.THETA)] = pose.BELOW_TURN
+    highest[pose.rows_along(pose.THETA)] = pose.BELOW_TURN
     assert space.contains(highest[:, None]).all()
 
 

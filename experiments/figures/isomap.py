@@ -15,7 +15,7 @@ import numpy as np
 
 from experiments.charts import INK, QUIET, RED, bare, figure, needed, png
 from experiments.measure import Array
-from scenegen.pose import X, Y, along
+from scenegen.pose import X, Y, rows_along
 
 MAP = "viridis"
 ACROSS = 4  # panels
@@ -71,4 +71,4 @@ def _row(part: Any, axes: Sequence[Any], query: Query, dots: int, neighbours: in
 
 def _positions(rows: Array) -> Array:
     """(3N, n) -> (n, 2N)."""
-    return np.ascontiguousarray(np.concatenate([rows[along(X)], rows[along(Y)]]).T)
+    return np.ascontiguousarray(np.concatenate([rows[rows_along(X)], rows[rows_along(Y)]]).T)

@@ -11,7 +11,7 @@ import numpy as np
 from experiments.charts import INK, LINES, QUIET, RED, bare, figure, needed, png
 from experiments.measure import Array, margins
 from experiments.problems import ORDERINGS
-from scenegen.pose import THETA, X, Y, along
+from scenegen.pose import THETA, X, Y, rows_along
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +45,7 @@ def orderings(sets: Mapping[float, Array], words: str) -> bytes:
 
 def _scene(axes: Axes, scene: Array, place: int, phi: float) -> None:
     patches = needed("matplotlib.patches")
-    x, y, theta = scene[along(X)], scene[along(Y)], scene[along(THETA)]
+    x, y, theta = scene[rows_along(X)], scene[rows_along(Y)], scene[rows_along(THETA)]
     for number in range(len(x)):
         corner = math.sqrt(0.5) * SIDE
         block = patches.RegularPolygon(

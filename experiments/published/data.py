@@ -21,7 +21,7 @@ from scenegen.learn.models.codec import Codec
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.training.dataset import Dataset, base_draw, held_in_place, label_scenes
 from scenegen.learn.training.gathering import Gathering
-from scenegen.pose import THETA, along, row_count
+from scenegen.pose import THETA, row_count, rows_along
 
 POSITIVES = 0.56
 NOISE = 0.02  # standard deviation of the perturbation, in shares of the workspace and in turns
@@ -91,7 +91,7 @@ def _perturb(
     robustness, codec = Robustness(gate(spec.core)), Codec(spec.workspace, len(spec.core.objects))
     source = codec.encode(hits)
     position = torch.ones(source.shape[1], dtype=torch.bool)
-    position[along(THETA)] = False
+    position[rows_along(THETA)] = False
     kept: list[Tensor] = []
     found = 0
     while found < count:

@@ -7,7 +7,7 @@ import numpy as np
 from experiments.errors import GRID_TASK
 from experiments.tabular.grid import Cells, GridTask
 from scenegen.api.spec import Spec
-from scenegen.errors import RequestError, quoted
+from scenegen.errors import RequestError, quote_names
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.interpret import phi as score
 
@@ -19,7 +19,7 @@ def by_relations(task: GridTask, relations: Spec) -> tuple[Cells, int]:
     Raises RequestError where the objects differ.
     """
     if relations.objects != task.spec.objects:
-        problem = f"relations of {quoted(relations.objects)} for a task of {quoted(task.spec.objects)}"
+        problem = f"relations of {quote_names(relations.objects)} for a task of {quote_names(task.spec.objects)}"
         raise RequestError(GRID_TASK(problem=problem, remedy="name the same objects, in the same order"))
     inside = np.flatnonzero(~np.isnan(task.phi))
     rows = [np.full(len(inside), value) for value in task.held.ravel()]

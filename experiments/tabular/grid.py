@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from experiments.errors import GRID_TASK
 from scenegen.api.spec import Spec
-from scenegen.errors import RequestError, quoted
+from scenegen.errors import RequestError, quote_names
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_OBJECT
 from scenegen.geometry import NUMPY
 from scenegen.lang.formula.interpret import phi as score
@@ -89,8 +89,8 @@ def grid_task(
     or every cell satisfies the spec.
     """
     if sorted(order) != sorted(MOVES):
-        wanted = f"{quoted(MOVES)}, each once"
-        raise RequestError(GRID_TASK(problem=f"the moves {quoted(order)}", remedy=f"name {wanted}"))
+        wanted = f"{quote_names(MOVES)}, each once"
+        raise RequestError(GRID_TASK(problem=f"the moves {quote_names(order)}", remedy=f"name {wanted}"))
     poses, number = _standing(spec, moved, dict(held or {}))
     (left, right), (bottom, top) = spec.workspace.x, spec.workspace.y
     if across < 2:
@@ -141,7 +141,7 @@ def _standing(spec: Spec, moved: str | None, held: dict[str, tuple[float, float]
     free = [name for number, name in enumerate(names) if name not in held and number not in fixed]
     if moved is None:
         if len(free) != 1:
-            problem = f"{quoted(free)} could move" if free else "every object has its place"
+            problem = f"{quote_names(free)} could move" if free else "every object has its place"
             raise RequestError(GRID_TASK(problem=problem, remedy="name the one that moves, and places for the others"))
         moved = free[0]
     poses = np.zeros((len(names), 3))

@@ -10,7 +10,7 @@ from experiments.errors import GRID_TASK
 from experiments.tabular.grid import Cells, GridTask
 from scenegen.api.sample import sample
 from scenegen.api.spec import Spec
-from scenegen.errors import RequestError, quoted
+from scenegen.errors import RequestError, quote_names
 from scenegen.learn.model import Model
 
 PATIENCE = 60.0  # seconds for the scenes of a level
@@ -40,7 +40,7 @@ def of_scenes(task: GridTask, source: Spec | Model, each: int = 12, seed: int = 
     sampler fails, and for a spec with several labels.
     """
     if len(task.spec.labels) > 1:
-        problem = f"levels of phi are drawn of one label; the spec has {quoted(task.spec.labels)}"
+        problem = f"levels of phi are drawn of one label; the spec has {quote_names(task.spec.labels)}"
         raise RequestError(GRID_TASK(problem=problem, remedy="join them with & under one label"))
     edge, label = task.edge, task.spec.labels[0]
     counts = np.bincount(task.level[task.unsatisfied], minlength=task.levels + 1)

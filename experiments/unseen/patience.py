@@ -22,7 +22,7 @@ class CpuBudget(Budget):
         return time.monotonic() + SLOWEST * (self.used + self.seconds - time.process_time())
 
     @property
-    def spent(self) -> bool:
+    def is_spent(self) -> bool:
         return time.process_time() - self.used >= self.seconds
 
     @property

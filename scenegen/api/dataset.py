@@ -26,7 +26,7 @@ from scenegen.scenes.blocks import BLOCK
 from scenegen.scenes.data import RequestData
 from scenegen.scenes.locations import inside
 from scenegen.scenes.lock import acquire
-from scenegen.scenes.sets import Manifest, Rareness, ShardRequest
+from scenegen.scenes.sets import Manifest, Rareness, ShardRequest, StratumData
 from scenegen.scenes.stores import open_store
 from scenegen.validation import as_int
 
@@ -43,22 +43,10 @@ END_DIGITS = 4  # of the ends of parts
 
 
 @dataclass(frozen=True, slots=True)
-class PhiStratum:
-    """A range of phi of one label; the others are free."""
-
-    label: str
-    low: float
-    high: float
-
-    def __str__(self) -> str:
-        return f"{self.label}={self.low:g}:{self.high:g}"
-
-
-@dataclass(frozen=True, slots=True)
 class SpecPlan:
     """The parts of a spec's scenes, which get equal shares; `missing` names those that there are not."""
 
-    parts: tuple[PhiStratum, ...]
+    parts: tuple[StratumData, ...]
     missing: tuple[str, ...]
     rarity: dict[str, Rareness]
 
@@ -67,7 +55,7 @@ def plan_spec(spec: Spec, seed: int) -> SpecPlan:
     """For each label the scenes with phi >= 0 and those with phi <= 0, as far as `scenegen range` finds any. Raises
     what `rarity` raises."""
     found = rarity(spec, seed=seed)
-    parts: list[PhiStratum] = []
+    parts: list[StratumData] = []
     missing: list[str] = []
     for one in found.labels:
         for side, name in ((_satisfied_part(one), "phi > 0"), (_violated_part(one), "phi < 0")):
@@ -97,7 +85,7 @@ def _tails(one: LabelRarity) -> tuple[Any, Any]:
     return falling, rising
 
 
-def _satisfied_part(one: LabelRarity) -> PhiStratum | None:
+def _satisfied_part(one: LabelRarity) -> StratumData | None:
     low, high = max(0.0, one.reached[0]), SATISFIED_SHARE * one.reached[1]
     if not one.reached[1] > 0.0 or not low < high:
         return None
@@ -108,11 +96,11 @@ def _satisfied_part(one: LabelRarity) -> PhiStratum | None:
         beyond = [phi for phi, value in zip(places, above, strict=True) if value < least and phi > low]
         high = min([high, *beyond[:1]])
         if one.curve[-1].above is not None and not beyond:  # many scenes have the highest phi, as where a body rests
-            return PhiStratum(one.label, _round_end(low), one.reached[1])
-    return PhiStratum(one.label, _round_end(low), _round_end(high))
+            return StratumData(label=one.label, phi=(_round_end(low), one.reached[1]))
+    return StratumData(label=one.label, phi=(_round_end(low), _round_end(high)))
 
 
-def _violated_part(one: LabelRarity) -> PhiStratum | None:
+def _violated_part(one: LabelRarity) -> StratumData | None:
     low, high = one.reached[0], min(0.0, one.reached[1])
     if not low < high:
         return None
@@ -120,14 +108,14 @@ def _violated_part(one: LabelRarity) -> PhiStratum | None:
     below = _tails(one)[1]
     within = [phi for phi, value in zip(places, below, strict=True) if value >= LOWEST_LOG10P and phi < high]
     low = max([low, *within[:1]])
-    return PhiStratum(one.label, _round_end(low), _round_end(high))
+    return StratumData(label=one.label, phi=(_round_end(low), _round_end(high)))
 
 
 def _round_end(value: float) -> float:
     return float(f"{value:.{END_DIGITS}g}") + 0.0
 
 
-def requests(spec: Spec, parts: Sequence[PhiStratum], n: int, size: int, seed: int) -> list[ShardRequest]:
+def requests(spec: Spec, parts: Sequence[StratumData], n: int, size: int, seed: int) -> list[ShardRequest]:
     """The requests of the shards, at most `size` scenes each: n scenes, as many of each part as of the others. Each
     has a seed of its own, which follows from `seed`, the spec and the shard's number alone."""
     found: list[ShardRequest] = []
@@ -137,8 +125,7 @@ def requests(spec: Spec, parts: Sequence[PhiStratum], n: int, size: int, seed: i
         for number in range(files):
             words = np.random.SeedSequence([seed, SHARD_SEEDS_STREAM, int(spec.checked.sha256[:12], 16), len(found)])
             drawn = int(words.generate_state(1, np.uint64)[0]) >> 11  # any program reads 53 bits exactly
-            of = {part.label: (part.low, part.high)}
-            found.append(ShardRequest(phi=of, n=_share(count, number, files), seed=drawn))
+            found.append(ShardRequest(phi={part.label: part.phi}, n=_share(count, number, files), seed=drawn))
     return found
 
 
@@ -153,14 +140,14 @@ def shares(n: int, count: int) -> list[int]:
 
 def plan_data(plan: SpecPlan) -> list[dict[str, Any]]:
     """The parts as a manifest has them."""
-    return [{"label": part.label, "phi": [part.low, part.high]} for part in plan.parts]
+    return [{"label": part.label, "phi": list(part.phi)} for part in plan.parts]
 
 
 def plan_from(manifest: Manifest) -> SpecPlan:
     """The plan that a manifest was begun with."""
     parts: list[Mapping[str, Any]] = manifest.request["parts"]
     return SpecPlan(
-        tuple(PhiStratum(part["label"], *part["phi"]) for part in parts),
+        tuple(StratumData(label=part["label"], phi=tuple(part["phi"])) for part in parts),
         tuple(manifest.missing or ()),
         manifest.rarity or {},
     )

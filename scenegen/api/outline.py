@@ -6,7 +6,6 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from scenegen.errors import RequestError
 from scenegen.errors.requests import UNKNOWN_LABEL
@@ -34,20 +33,13 @@ class Line:
     decides: bool = False
 
 
-class SpecHolder(Protocol):
-    """Anything that holds a checked spec: scenegen.Spec, which shows itself as an outline, does."""
-
-    @property
-    def checked(self) -> CheckedSpec: ...
-
-
 class Outline:
     """The formulas of a spec, line by line. `labels` are its labels, and `require` where it requires something."""
 
-    def __init__(self, spec: SpecHolder) -> None:
-        self._core: Core = gate(spec.checked.core)
-        self._bounds: Sequence[Interval] = node_bounds(self._core, *spec.checked.box())
-        self._choices = {one.switch: (which, one) for which, one in spec.checked.choices.items()}
+    def __init__(self, spec: CheckedSpec) -> None:
+        self._core: Core = gate(spec.core)
+        self._bounds: Sequence[Interval] = node_bounds(self._core, *spec.box())
+        self._choices = {one.switch: (which, one) for which, one in spec.choices.items()}
         self.labels = tuple(self._core.labels)
 
     @property

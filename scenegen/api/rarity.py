@@ -58,7 +58,7 @@ class _Until:
     budget: Budget
 
     def check(self) -> None:
-        if self.budget.spent:
+        if self.budget.is_spent:
             raise StoppedError
 
 
@@ -153,7 +153,7 @@ def _of_scenes(spec: Spec, labels: Sequence[str], seed: int, budget: Budget) -> 
 def _cut_short(budget: Budget, found: Rarity, labels: Sequence[str]) -> tuple[Diagnostic, ...]:
     """A warning where time was up; others would be about what was not searched."""
     missing = [f"`{name}`" for name in labels if name not in found.reaches]
-    return (CUT_SHORT(left_out=", ".join(missing) or None),) if budget.spent else ()
+    return (CUT_SHORT(left_out=", ".join(missing) or None),) if budget.is_spent else ()
 
 
 def _of_numbers(spec: Spec, labels: Sequence[str], seed: int, left_out: list[Diagnostic], budget: Budget) -> Rarity:
@@ -241,7 +241,7 @@ def _measure(
 
 def _clash(spec: Spec, budget: Budget) -> RequestError | None:
     """Which parts of what the spec requires clash, where that is known, and time is not up."""
-    if budget.spent:
+    if budget.is_spent:
         return None
     for one in spec.infeasible():
         if one.kind in (REQUIREMENT_CANNOT_BE_MET, REQUIREMENT_HARDLY_MET):

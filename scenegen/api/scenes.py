@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.api.scene_arrays import SceneArrays, header_of, parts_of, stored_rows
-from scenegen.arrays import Array, unmasked
+from scenegen.arrays import Array, plain_values
 from scenegen.errors import DataError, Diagnostic, RequestError
 from scenegen.errors.files import PHI_DIFFERS
 from scenegen.errors.requests import NO_SCENES, NOT_AN_INDEX, NOT_INSTALLED, WRONG_VALUE
@@ -276,7 +276,7 @@ class SceneSet(SceneArrays):
 
 def _still(values: Array) -> Array:
     """The same numbers, not to be written to: phi beside them would be that of others."""
-    view = (values if type(values) is np.ndarray else np.asarray(unmasked(values))).view()
+    view = (values if type(values) is np.ndarray else np.asarray(plain_values(values))).view()
     view.flags.writeable = False
     return view
 

@@ -146,7 +146,7 @@ class Spec:
             return f"<pre>{escape(self.source)}</pre>"
         from scenegen.pictures.notebook import spec_page
 
-        return spec_page(self)
+        return spec_page(self.checked)
 
     def _refuse_overflow(self) -> None:
         """phi must be a number everywhere in the workspace. Raises SpecError where its bounds are not."""

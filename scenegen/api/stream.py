@@ -129,12 +129,12 @@ def _write_set(
             tally, manifest = write_set(
                 store, plan, engine, manifest, _shard_writer(plan, sets.PARQUET, store),
                 lambda tally: _account(plan, tally), resume=request.resume, keep_partial=request.keep_partial,
-                spent=lambda: budget.spent, progress=progress, block=block,
+                spent=lambda: budget.is_spent, progress=progress, block=block,
             )  # fmt: skip
             warnings: tuple[Diagnostic, ...] = ()
             if tally is not None:
                 kept = store.location if manifest.shards else None
-                warnings = _warnings(source, request, plan, tally, budget.spent, manifest.complete, kept)
+                warnings = _warnings(source, request, plan, tally, budget.is_spent, manifest.complete, kept)
             write_card(store, manifest)
         phi = {label: PhiSummary(one.lowest, one.mean, one.highest) for label, one in manifest.phi().items()}
         return Written(store.location, manifest.scenes, header_of(plan.problem, manifest.sampler), phi, warnings)
@@ -169,11 +169,13 @@ def _write_file(
             tally = write_file(
                 path, plan, engine, _manifest(plan, size), partial(_shard_writer, plan, RAW),
                 lambda tally: header_of(plan.problem, _account(plan, tally)), resume=request.resume,
-                keep_partial=request.keep_partial, spent=lambda: budget.spent, progress=progress, joining=seen,
+                keep_partial=request.keep_partial, spent=lambda: budget.is_spent, progress=progress, joining=seen,
             )  # fmt: skip
         folder = folder_of(path)
         written = request.keep_partial and bool(tally.scenes)
-        warnings = _warnings(source, request, plan, tally, budget.spent, written, folder if folder.exists() else None)
+        warnings = _warnings(
+            source, request, plan, tally, budget.is_spent, written, folder if folder.exists() else None
+        )
         if not seen.count:  # the file was there already, and only its folder was left to be removed
             for block in _blocks_of(path, spec.over_time is not None):
                 seen(block)
@@ -193,7 +195,7 @@ def _manifest(plan: Plan, size: int, **facts: object) -> Manifest:
     from scenegen.sampling.engine.run import resume_record
     from scenegen.scenes.sets import Manifest, header_data
 
-    asked = {"plan": plan.plan_digest, "n": plan.wanted, "seed": plan.seed, **facts}
+    asked = {"plan": plan.plan_digest, "n": plan.scenes_wanted, "seed": plan.seed, **facts}
     return Manifest(
         request={**resume_record(plan.problem, {"scenegen": __version__}), **asked},
         labels=list(plan.problem.labels),

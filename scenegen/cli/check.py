@@ -200,7 +200,7 @@ def page(spec: Spec, rough: Mapping[str, str], *, depth: int | None, full: bool,
     everything = full or depth is not None
     head = list(_head(spec, None if full else width))
     yield from head
-    outline = Outline(spec if not spec.counts else Spec(spec.definition.members[-1]))
+    outline = Outline(spec.definition.members[-1] if spec.counts else spec.checked)
     labels = outline.labels
     bounds = spec.bounds() if spec.counts else {}
     titles = {name: _title(outline, name, rough.get(name, ""), bounds.get(name)) for name in labels}

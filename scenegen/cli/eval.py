@@ -155,11 +155,10 @@ def _values(spec: Spec, scenes: SceneSet, number: int) -> tuple[Outline, list[fl
     """The formulas of the spec that a scene is of, and the value of each node."""
     from scenegen.api.outline import Outline
     from scenegen.api.scene_arrays import parts_of
-    from scenegen.api.spec import Spec
     from scenegen.lang.formula.interpret import evaluate as interpret
 
     (part,) = parts_of(spec.require_scenes(), scenes[number - 1 : number])
-    outline = Outline(Spec(part.spec))
+    outline = Outline(part.spec)
     return outline, list(interpret(outline.core, part.rows[:, 0].tolist()))
 
 
@@ -223,8 +222,8 @@ def evaluate_trajectories(
 
 def _rows(scored: TimedValues, dt: float) -> dict[str, dict[str, Any]]:
     phi: dict[str | None, float] = dict(scored.phi.items())
-    if scored.required is not None:
-        phi[None] = float(scored.required.min())
+    if scored.requirement is not None:
+        phi[None] = float(scored.requirement.min())
     rows: dict[str, dict[str, Any]] = {}
     for label, value in phi.items():
         atom, moment = scored.decides(label)
@@ -235,8 +234,8 @@ def _rows(scored: TimedValues, dt: float) -> dict[str, dict[str, Any]]:
 
 def _over_time(scored: TimedValues) -> dict[str, list[float | None]]:
     found = dict(scored.signals)
-    if scored.required is not None:
-        found[REQUIRE] = scored.required
+    if scored.requirement is not None:
+        found[REQUIRE] = scored.requirement
     return {name: [_finite(one) for one in values.tolist()] for name, values in found.items()}
 
 

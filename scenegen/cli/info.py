@@ -35,7 +35,7 @@ def info(
         _print_any(json)
         return
     found = load_model(model)
-    each = [(model_file(model, numbers), one) for numbers, one in found.each]
+    each = [(model_file(model, numbers), one) for numbers, one in found.members]
     if json:
         told = [as_json(one, path) for path, one in each]
         print_json({"models": told} if found.spec.counts else told[0])

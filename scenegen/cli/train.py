@@ -230,11 +230,11 @@ class Training:
         from scenegen.learn.evaluation.card import write_card
         from scenegen.learn.faults import faults
 
-        files = write_card(done, out, self.budget.seconds_left) if self.card and not self.budget.spent else []
+        files = write_card(done, out, self.budget.seconds_left) if self.card and not self.budget.is_spent else []
         return files, faults(done.trained.card.quality, done.trained.card.ranges or ())
 
     def __call__(self, task: Task) -> JobMessages:
-        if self.budget.spent:
+        if self.budget.is_spent:
             raise RequestError(NO_TIME_TO_CHECK())
         from scenegen.learn.evaluation.card import card_paths
         from scenegen.learn.training.state import can_resume

@@ -14,7 +14,7 @@ from typing import Any, Literal, TypeAlias
 MOST_ALIKE = 500  # maximum number of known names with which a misspelt one is compared
 
 
-def quoted(names: Iterable[str]) -> str:
+def quote_names(names: Iterable[str]) -> str:
     """`a`, `b` and `c`, in the order given."""
     items = [f"`{name}`" for name in names]
     return items[0] if len(items) == 1 else ", ".join(items[:-1]) + f" and {items[-1]}" if items else "none"
@@ -164,7 +164,7 @@ def _fact_text(fact: Any, how: str, spell: Spell) -> str:
         shown, more = names[:limit], len(names) > limit
         if how.startswith("list"):
             return ", ".join(shown) + (", ..." if more else "")
-        return ", ".join(f"`{one}`" for one in shown) + ", ..." if more else quoted(shown)
+        return ", ".join(f"`{one}`" for one in shown) + ", ..." if more else quote_names(shown)
     return format(fact, how) if how else str(fact)
 
 

@@ -59,7 +59,7 @@ def _outline(ns: Namespace, box: Box, other: tuple[Any, Any, Any, Any], x: Any, 
     x, y = ns.absolute(x), ns.absolute(y)
     across_x, across_y = x - (reach_x + half_length), y - (reach_y + half_width)
     along_x, along_y = ns.copysign(y, side) - off_x, ns.copysign(x, side) - off_y
-    past_x, past_y = ns.beyond(along_x, half_width), ns.beyond(along_y, half_length)
+    past_x, past_y = ns.excess(along_x, half_width), ns.excess(along_y, half_length)
     square = ns.minimum(across_x * across_x + past_x * past_x, across_y * across_y + past_y * past_y)
     return ns.maximum(across_x, across_y), square
 
@@ -148,7 +148,7 @@ def _half_diagonals(box: Box, cos: Any, sin: Any) -> Pairs:
 
 def _square(ns: Namespace, box: Box, x: Any, y: Any) -> Any:
     """The squared distance of a point from a box, in the box's frame."""
-    x, y = ns.beyond(x, box.length / 2.0), ns.beyond(y, box.width / 2.0)
+    x, y = ns.excess(x, box.length / 2.0), ns.excess(y, box.width / 2.0)
     return x * x + y * y
 
 

@@ -47,7 +47,7 @@ class Namespace(Protocol):
         """The number nearest to `a` between two constants."""
         ...
 
-    def beyond(self, a: Any, half: float) -> Any:
+    def excess(self, a: Any, half: float) -> Any:
         """How far `a` lies outside of [-half, half], with its sign or without; 0 inside."""
         ...
 
@@ -69,7 +69,7 @@ def _math_clip(a: float, lowest: float, highest: float) -> float:
     return min(max(a, lowest), highest)
 
 
-def _math_beyond(a: float, half: float) -> float:
+def _math_excess(a: float, half: float) -> float:
     return a - _math_clip(a, -half, half)
 
 
@@ -101,7 +101,7 @@ def _numpy_clip(a: Any, lowest: float, highest: float) -> Any:
     return np.minimum(np.maximum(a, lowest), highest)
 
 
-def _numpy_beyond(a: Any, half: float) -> Any:
+def _numpy_excess(a: Any, half: float) -> Any:
     return a - _numpy_clip(a, -half, half)
 
 
@@ -120,7 +120,7 @@ class _Math:
     hypot = staticmethod(_math_hypot)
     atan2 = staticmethod(math.atan2)
     clip = staticmethod(_math_clip)
-    beyond = staticmethod(_math_beyond)
+    excess = staticmethod(_math_excess)
     copysign = staticmethod(math.copysign)
     where = staticmethod(_math_where)
 
@@ -140,7 +140,7 @@ class _Numpy:
     hypot = staticmethod(_numpy_hypot)
     atan2 = staticmethod(np.arctan2)
     clip = staticmethod(_numpy_clip)
-    beyond = staticmethod(_numpy_beyond)
+    excess = staticmethod(_numpy_excess)
     copysign = staticmethod(np.copysign)
     where = staticmethod(np.where)
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.pose import AXES, EVERY, NAMES, THETA, TWO_PI, X, Y, along, object_count, row_of, wrap_heading
+from scenegen.pose import AXES, EVERY, NAMES, THETA, TWO_PI, X, Y, object_count, row_of, rows_along, wrap_heading
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,14 +63,14 @@ class Workspace:
     def ends(self, axis: int, objects: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Lowest and highest value along an axis for each object, each of shape (N,)."""
         low, high = self.box(objects)
-        return low[along(axis)], high[along(axis)]
+        return low[rows_along(axis)], high[rows_along(axis)]
 
     def contains(self, rows: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
         """Which of B scenes, stored as (3N, B), have every centre in its rectangle and every theta in [0, 2 pi)."""
         inside = np.ones(rows.shape[1:], dtype=bool)
         for axis in EVERY:
             low, high = (ends[:, None] for ends in self.ends(axis, object_count(len(rows))))
-            value = rows[along(axis)]
+            value = rows[rows_along(axis)]
             below = value < high if AXES[axis].is_angle else value <= high
             inside &= ((value >= low) & below).all(axis=0)
         return inside
@@ -78,12 +78,12 @@ class Workspace:
 
 def wrap_headings(rows: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """(3N, B) storage with every theta in [0, 2 pi), the same array where that is so already."""
-    theta = rows[along(THETA)]
+    theta = rows[rows_along(THETA)]
     outside = (theta < 0.0) | (theta >= TWO_PI)
     if not outside.any():
         return rows
     rows = rows.copy()
-    rows[along(THETA)] = np.where(outside, wrap_heading(np, theta), theta)
+    rows[rows_along(THETA)] = np.where(outside, wrap_heading(np, theta), theta)
     return rows
 
 

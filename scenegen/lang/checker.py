@@ -145,7 +145,7 @@ def count_objects(draft: Draft) -> None:
     if not draft.problems:
         with draft.problems:
             draft.kinds, draft.variants = categories(lowering, draft.project, draft.counts)
-        lowering.builder.objects = draft.variants.called(scope.objects) if draft.kinds else tuple(scope.objects)
+        lowering.builder.objects = draft.variants.all_names(scope.objects) if draft.kinds else tuple(scope.objects)
 
 
 def read_time(draft: Draft) -> None:

@@ -283,7 +283,7 @@ class Members:
     spare: Index
     weight: Index
 
-    def of(self, rows: Array) -> Iterator[tuple[int, Index]]:
+    def split(self, rows: Array) -> Iterator[tuple[int, Index]]:
         """The members that B scenes, (3N, B) with NaN for what is not there, are of, and which scenes those are."""
         member = self.weight @ ~np.isnan(rows[self.spare])
         if len(member) == 1:

@@ -164,7 +164,7 @@ class ProposerPlan(Plan):
         return digest("model", self.proposer.digest, self.reachable, self.counts)
 
     @property
-    def reached(self) -> tuple[int, ...]:
+    def reached_cells(self) -> tuple[int, ...]:
         return self.reachable
 
     @property
@@ -177,7 +177,7 @@ class ProposerPlan(Plan):
 
     @property
     def evaluations(self) -> float:
-        return REFINING * (self.candidates + SURPLUS * self.wanted / max(self.rate, 1e-9))
+        return REFINING * (self.candidates + SURPLUS * self.scenes_wanted / max(self.rate, 1e-9))
 
     def draw(self, k: int) -> Piece:
         rows, phi, moved = self._candidates(k)
@@ -209,7 +209,7 @@ class ProposerPlan(Plan):
     def _candidates(self, k: int) -> tuple[Array, Array, int]:
         seed = (self.seed, MODEL_PIECES_STREAM, 1, k)
         order = np.random.default_rng(np.random.SeedSequence(seed)).permutation(sum(self.counts))
-        cells = np.repeat(np.array(self.reached, dtype=np.intp), self.counts)[order]
+        cells = np.repeat(np.array(self.reached_cells, dtype=np.intp), self.counts)[order]
         return refine_scenes(self.problem, self.targets, self.proposer, cells, seed, self.stop)
 
 
@@ -224,8 +224,8 @@ class RawOutput(Plan):
     stop: Stop = NEVER
 
     method: ClassVar[str] = "model"
-    reached: ClassVar[tuple[int, ...]] = (0,)
-    verified: ClassVar[bool] = False
+    reached_cells: ClassVar[tuple[int, ...]] = (0,)
+    is_verified: ClassVar[bool] = False
 
     @property
     def plan_digest(self) -> str:
@@ -241,7 +241,7 @@ class RawOutput(Plan):
 
     @property
     def evaluations(self) -> float:
-        return self.wanted
+        return self.scenes_wanted
 
     def draw(self, k: int) -> Piece:
         self.stop.check()
@@ -262,7 +262,7 @@ class RawOutput(Plan):
             "model": self.proposer.name,
             "seed": self.seed,
             "raw": True,
-            "candidates": self.wanted,
+            "candidates": self.scenes_wanted,
         }
         return Account({**info, **self.proposer.info}, _candidates_text(tally.candidates, self.proposer))
 
@@ -288,7 +288,7 @@ def make_plan(problem: Problem, budget: Budget, proposer: Proposer) -> Plan:
             some = np.array(waiting[start : start + max(1, LARGEST // each)], dtype=np.intp)
             cells = np.repeat(some, np.minimum(each, MAX_CELL_TRIES - tries[some]))
             try:
-                if budget.spent:
+                if budget.is_spent:
                     raise StoppedError
                 rows, phi, shifted = refine_scenes(
                     problem, targets, proposer, cells, (seed, MODEL_PIECES_STREAM, 0, number), budget
@@ -366,7 +366,7 @@ def refine_scenes(
             moved += int((better != made).any(dim=0).sum())
             state = np.random.SeedSequence([*seed, start, 3]).generate_state(1, np.uint64)
             ends_of_labels = low[:labels], high[:labels]
-            better = proposer.mixed(better, ends_of_labels, box, int(state[0] >> np.uint64(1)), stop)
+            better = proposer.mix(better, ends_of_labels, box, int(state[0] >> np.uint64(1)), stop)
             rows[:, part] = better.numpy()
             phi[:, part] = np.where(workspace.contains(rows[:, part]), score(problem, robustness, better), np.nan)
     return rows, phi, moved

@@ -49,12 +49,12 @@ class Model(LearnedModel):
         return f"<Model {card.model} of {card.spec.name}, {card.epochs_done} epochs>"
 
     @property
-    def each(self) -> tuple[tuple[dict[str, int], Model], ...]:
+    def members(self) -> tuple[tuple[dict[str, int], Model], ...]:
         """The model for each combination of numbers of things, where its spec draws any; else itself, of no numbers."""
         return (({}, self),)
 
-    def of(self, checked: CheckedSpec) -> Model:
-        """The model of a spec with these numbers of things, one of `each`."""
+    def member_of(self, checked: CheckedSpec) -> Model:
+        """The model of a spec with these numbers of things, one of `members`."""
         return self
 
     @property
@@ -64,7 +64,7 @@ class Model(LearnedModel):
 
     def proposer_of(self, checked: CheckedSpec, ranges: Mapping[str, Range]) -> TrainedModel:
         """What proposes scenes of a spec with these numbers of things, asked for ranges of phi."""
-        return replace(self.of(checked).trained, only=tuple(ranges))
+        return replace(self.member_of(checked).trained, only=tuple(ranges))
 
     def advice(self, request: SampleRequest, rows: npt.NDArray[np.float64] | None) -> tuple[Diagnostic, ...]:
         """Warnings about scenes (3N, n) that it made for a request; None where they are no longer in memory."""
@@ -122,10 +122,10 @@ class ModelFamily(Model):
         return f"<ModelFamily {self.name} of {self.spec.definition.name}, {len(self._members)} models>"
 
     @property
-    def each(self) -> tuple[tuple[dict[str, int], Model], ...]:
-        return tuple((numbers, self.of(member.checked)) for numbers, member in self.spec.members)
+    def members(self) -> tuple[tuple[dict[str, int], Model], ...]:
+        return tuple((numbers, self.member_of(member.checked)) for numbers, member in self.spec.members)
 
-    def of(self, checked: CheckedSpec) -> Model:
+    def member_of(self, checked: CheckedSpec) -> Model:
         return self._members[checked.sha256]
 
     def with_counts(self, counts: Mapping[str, int | str]) -> Model:
@@ -133,8 +133,8 @@ class ModelFamily(Model):
         `Spec.with_counts` does."""
         spec = self.spec.with_counts(counts)
         if not spec.counts:
-            return self.of(spec.checked)
-        return ModelFamily(spec, {one.checked.sha256: self.of(one.checked) for _, one in spec.members})
+            return self.member_of(spec.checked)
+        return ModelFamily(spec, {one.checked.sha256: self.member_of(one.checked) for _, one in spec.members})
 
     def in_steps(self, steps: int) -> ModelFamily:
         """The same models, each taking `steps` evaluations of its network for a scene. Raises RequestError as
@@ -143,7 +143,7 @@ class ModelFamily(Model):
 
     def with_spec(self, spec: Spec) -> ModelFamily:
         """Models of labels that are added to their specs, for a spec that draws the same numbers."""
-        pairs = zip(spec.members, self.each, strict=True)
+        pairs = zip(spec.members, self.members, strict=True)
         other = copy.copy(self)
         other.spec = spec
         other._members = {one.checked.sha256: model.with_spec(one) for (_, one), (_, model) in pairs}
@@ -216,8 +216,8 @@ def advice(model: Model, ranges: Mapping[str, Range], rows: Array | None, raw: b
 
     ends = {label: (wanted.low, wanted.high) for label, wanted in ranges.items()}
     found = dict[Diagnostic, None]()
-    scenes = [None] * len(model.each) if rows is None or not raw else _scenes_of(model, rows)
-    for (numbers, one), made in zip(model.each, scenes, strict=True):
+    scenes = [None] * len(model.members) if rows is None or not raw else _scenes_of(model, rows)
+    for (numbers, one), made in zip(model.members, scenes, strict=True):
         card = one.trained.card
         mine = faults(relevant_quality(card.quality, ranges), () if raw else overlapping(card, ranges))
         if ranges and card.ranges is not None and not covers_request(card, one.trained.regions, ranges):
@@ -237,7 +237,7 @@ def _scenes_of(model: Model, rows: Array) -> list[Array]:
     if not model.spec.counts:
         return [rows]
     members = members_of(model.spec.definition)
-    found = dict(members.of(rows))
+    found = dict(members.split(rows))
     none = np.empty(0, dtype=np.intp)
     return [rows[np.ix_(mine, found.get(number, none))] for number, mine in enumerate(members.rows)]
 

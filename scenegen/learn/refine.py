@@ -15,7 +15,7 @@ from torch import Tensor
 from scenegen.arrays import Array
 from scenegen.geometry.workspace import Workspace
 from scenegen.learn.robustness import Robustness
-from scenegen.pose import LENGTHS, THETA, along, object_count, wrap_heading
+from scenegen.pose import LENGTHS, THETA, object_count, rows_along, wrap_heading
 from scenegen.search.effort import NEVER, Stop
 
 # The base distribution: every free object's centre uniform over the workspace, its heading over the circle.
@@ -37,7 +37,7 @@ def draw(lowest: Array, highest: Array, count: int, generator: torch.Generator) 
     rows = torch.rand(len(lowest), count, generator=generator, dtype=torch.float64)
     rows.mul_(high - low).add_(low)
     torch.minimum(rows, high, out=rows)
-    rows[along(THETA)] = wrap_heading(torch, rows[along(THETA)])
+    rows[rows_along(THETA)] = wrap_heading(torch, rows[rows_along(THETA)])
     return rows
 
 
@@ -49,8 +49,8 @@ def clamp_to(workspace: Workspace, rows: Tensor, held: tuple[Tensor, Tensor] | N
     out = rows.clone()
     for axis in LENGTHS:
         low, high = (torch.from_numpy(ends)[:, None].to(out) for ends in workspace.ends(axis, object_count(len(rows))))
-        out[along(axis)] = out[along(axis)].clamp(low, high)
-    out[along(THETA)] = wrap_heading(torch, out[along(THETA)])
+        out[rows_along(axis)] = out[rows_along(axis)].clamp(low, high)
+    out[rows_along(THETA)] = wrap_heading(torch, out[rows_along(THETA)])
     if held is not None:
         out[held[0]] = held[1][:, None]
     return out

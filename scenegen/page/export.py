@@ -11,6 +11,7 @@ import numpy as np
 
 from scenegen.api.motions import MotionSet, sample_motions
 from scenegen.api.rarity import SpecRarity, rarity
+from scenegen.api.request import Phi
 from scenegen.api.sample import sample
 from scenegen.api.scenes import SceneSet
 from scenegen.api.spec import Spec, parse
@@ -77,7 +78,6 @@ def export_page(opened: OpenProject, out: Path, n: int, seed: int, command: str 
 
 
 SetT = TypeVar("SetT", SceneSet, MotionSet)
-Phi = dict[str, tuple[float | None, float | None]]
 
 
 def _draw_parts(spec: Spec, rare: SpecRarity, n: int, draw: Callable[[Phi, int], SetT], inset: float) -> list[SetT]:

@@ -25,7 +25,7 @@ from scenegen.errors.requests import NO_SCENES
 from scenegen.lang.spec import combinations, numbers_text
 from scenegen.lang.syntax.parse import read_source
 from scenegen.learn.model import is_family, load_model
-from scenegen.needs import INSTALL, found
+from scenegen.needs import INSTALL, is_installed
 from scenegen.page.jobs.evaluate import scene_set, scenes_json
 from scenegen.page.jobs.source import with_numbers
 from scenegen.page.limits import MAX_LISTED_SPECS, MAX_TEXT, most_scenes
@@ -308,7 +308,7 @@ def formats_data() -> list[dict[str, Any]]:
         rows.append((ending[1:], FILE_TITLES.get(ending, ending[1:]), ending in MOTION_FORMATS, None))
     for name in EXPORTS:
         package = NEEDS.get(name)
-        install = INSTALL[package] if package and not found(package) else None
+        install = INSTALL[package] if package and not is_installed(package) else None
         rows.append((name, FORMAT_TITLES.get(name, name), False, install))
     return [dict(zip(("name", "title", "motions", "install"), row, strict=True)) for row in rows]
 

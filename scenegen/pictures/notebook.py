@@ -18,8 +18,8 @@ from scenegen.errors import ScenegenError
 from scenegen.scenes.data import SceneFile
 
 if TYPE_CHECKING:
-    from scenegen.api.outline import SpecHolder
     from scenegen.api.scene_arrays import SceneArrays
+    from scenegen.lang.spec import CheckedSpec
 
 
 NOTEBOOK_SCENES = 8  # scenes of a sheet
@@ -90,13 +90,13 @@ def _table(scenes: SceneArrays) -> str:
     return f"<table>{''.join(rows)}</table>"
 
 
-def spec_page(spec: SpecHolder) -> str:
+def spec_page(spec: CheckedSpec) -> str:
     """A spec as HTML: its objects, and for each label the tree of its formula with the bounds of phi."""
     from scenegen.api.outline import Outline
 
     outline = Outline(spec)
-    title = html.escape(spec.checked.title)
-    parts = [f"<p><b>{title}</b></p>" if title else "", f"<p>objects: {html.escape(_names(spec.checked.objects))}</p>"]
+    title = html.escape(spec.title)
+    parts = [f"<p><b>{title}</b></p>" if title else "", f"<p>objects: {html.escape(_names(spec.objects))}</p>"]
     for label in outline.labels:
         lines, more = outline.lines(label, most=NOTEBOOK_LINES)
         rows = ["<tr><th>formula</th><th>margin</th><th>phi in</th></tr>"]

@@ -14,7 +14,7 @@ from PIL import Image
 from scenegen.api.outline import chosen_label
 from scenegen.api.scene_arrays import SceneArrays, parts_of
 from scenegen.arrays import Array
-from scenegen.errors import RequestError, quoted
+from scenegen.errors import RequestError, quote_names
 from scenegen.errors.requests import (
     NO_SCENES,
     NO_SUCH_NUMBER,
@@ -96,7 +96,9 @@ def picture_style(
 def check_kinds(kinds: tuple[str, ...], known: tuple[str, ...]) -> tuple[str, ...]:
     """The names of figures. Raises RequestError for unknown ones, and for none."""
     if not kinds:
-        wanted = f'something to draw, after the folder: figures("pictures", "{known[0]}"); there are {quoted(known)}'
+        wanted = (
+            f'something to draw, after the folder: figures("pictures", "{known[0]}"); there are {quote_names(known)}'
+        )
         raise RequestError(WRONG_VALUE(argument="kinds", value="empty", wanted=wanted))
     for kind in kinds:
         if kind not in known:

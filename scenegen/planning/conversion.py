@@ -15,7 +15,7 @@ from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE
 from scenegen.errors.worlds import ONE_PROBLEM_A_FILE
 from scenegen.planning.export import (
     Originals,
-    Problems,
+    SpecProblems,
     candidates,
     goal_labels,
     goal_notes,
@@ -71,7 +71,7 @@ def of_scenes(
         for numbers, which in scenes.parts()
     ]
     words = vocabulary([grounded for grounded, _, _ in parts])
-    made = [Problems(grounded, goal_labels(grounded, goal), words, whole_goal) for grounded, _, _ in parts]
+    made = [SpecProblems(grounded, goal_labels(grounded, goal), words, whole_goal) for grounded, _, _ in parts]
 
     def texts() -> Iterator[tuple[int, str]]:
         for problems, (grounded, counts, which) in zip(made, parts, strict=True):

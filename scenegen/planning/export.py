@@ -150,7 +150,7 @@ GOAL = "goal"  # the label that is one by its name
 
 
 @dataclass(slots=True)
-class Problems:
+class SpecProblems:
     """Problems of one spec; `words` may be those of several, which differ in how many things there are. Comments are
     by the number of the scene. `edge` counts the scenes in which the goal as planners read it is not the sign of phi: a
     margin is exactly 0 there."""
@@ -498,7 +498,7 @@ def _one_line(node: Node) -> str:
 MAX_NAMED_PARTS = 3  # parts that are named; the domain has all
 
 
-def goal_notes(problems: Sequence[Problems]) -> tuple[Diagnostic, ...]:
+def goal_notes(problems: Sequence[SpecProblems]) -> tuple[Diagnostic, ...]:
     """Notes on problems that share a domain."""
     found: list[Diagnostic] = []
     timed = problems[0].grounded.spec.timed

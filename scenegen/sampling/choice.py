@@ -103,12 +103,12 @@ def try_rejection(
     except TooMuchError:
         return RejectionOutcome(trial)
     cheap = plan.seconds <= max(CHEAP_PRUNED_SECONDS, MIN_GROWTH_SECONDS * problem.moving * problem.request.n)
-    return RejectionOutcome(trial, plan, cheap and _open_cells(problem, plan) <= len(plan.reached))
+    return RejectionOutcome(trial, plan, cheap and _open_cells(problem, plan) <= len(plan.reached_cells))
 
 
 def _open_cells(problem: Problem, plan: Rejection) -> int:
     """Cells that are neither reached nor proved empty."""
-    return len(problem.possible) - len(plan.reached) - len(plan.ruled_out)
+    return len(problem.possible) - len(plan.reached_cells) - len(plan.ruled_out)
 
 
 def with_reason(plan: AnyPlan, why: str) -> AnyPlan:
@@ -123,7 +123,7 @@ def in_range(plan: Rejection) -> str:
     if len(plan.sources) == 1:
         rate = plan.explored
         return f"{_percent(rate.hits / rate.candidates)} of the candidates from {boxes} are in range"
-    share = min(1.0, SPARE_SCENES * plan.wanted / plan.expected)
+    share = min(1.0, SPARE_SCENES * plan.scenes_wanted / plan.expected)
     return f"about {_percent(share)} of the candidates from {boxes} are of use"
 
 
@@ -222,7 +222,7 @@ class MethodChoice:
         if longer is not None:
             with suppress(TooMuchError):  # the box remains
                 pruned = plan_rejection(self.problem, self.budget, longer, self._affordable)
-                if len(pruned.reached) == len(plan.reached) and pruned.seconds < plan.seconds:
+                if len(pruned.reached_cells) == len(plan.reached_cells) and pruned.seconds < plan.seconds:
                     plan = pruned
         return plan
 
@@ -250,9 +250,9 @@ class MethodChoice:
                 tried = f"{int(rival.evaluations):,} evaluations"
                 raise RequestError(too_early(problem, tried, _open_cells(problem, mine)))
             return with_reason(mine, f"{in_range(mine)}; no other method got there")
-        if len(rival.reached) > len(mine.reached):
+        if len(rival.reached_cells) > len(mine.reached_cells):
             count = problem.cells.count
-            why = f"it reaches {len(rival.reached)} of {count} cells, rejection {len(mine.reached)}"
+            why = f"it reaches {len(rival.reached_cells)} of {count} cells, rejection {len(mine.reached_cells)}"
         elif _better(rival, mine):
             why = f"about {_short(rival.seconds)} s against {_short(mine.seconds)} s of rejection"
         else:
@@ -323,7 +323,7 @@ class MethodChoice:
             return grown
         many = self.problem.moving > MANY_ROWS
         split = self._splitting(grown.seconds / (GLANCE_SHARE if many else SPLITTING_SHARE))
-        if isinstance(split, NoPlan) or len(split.reached) < len(grown.reached):
+        if isinstance(split, NoPlan) or len(split.reached_cells) < len(grown.reached_cells):
             return grown
         cheaper = (ADVANTAGE if many else SPLITTING_GAIN) * split.seconds < grown.seconds
         return split if cheaper and not (many and split.schedule.left >= SLOW_CORRELATION) else grown
@@ -341,7 +341,7 @@ class MethodChoice:
 
 def _better(rival: Plan, mine: Rejection) -> bool:
     """Whether another method reaches more cells than rejection, or as many at much less cost."""
-    more = len(rival.reached) - len(mine.reached)
+    more = len(rival.reached_cells) - len(mine.reached_cells)
     return more > 0 or (more == 0 and ADVANTAGE * rival.seconds < mine.seconds)
 
 

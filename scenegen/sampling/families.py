@@ -31,7 +31,7 @@ from scenegen.errors.requests import (
 )
 from scenegen.lang.formula.core import gate
 from scenegen.lang.spec import CheckedSpec, Picked, combinations, member_weights, numbers_text, rows_among
-from scenegen.pose import X, along, row_count
+from scenegen.pose import X, row_count, rows_along
 from scenegen.sampling.cells import Cells
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
 from scenegen.sampling.problem import Problem, hold_fixed
@@ -103,12 +103,14 @@ class FamilyPlan(Plan):
         return digest("numbered", self.numbers, self.turns, tuple(plan.plan_digest for plan in self.plans), *weighted)
 
     @property
-    def reached(self) -> Sequence[int]:
+    def reached_cells(self) -> Sequence[int]:
         return [cell for group in self.groups for cell in group]
 
     @property
     def groups(self) -> Sequence[Sequence[int]]:
-        return [[start + cell for cell in plan.reached] for start, plan in zip(self._starts, self.plans, strict=True)]
+        return [
+            [start + cell for cell in plan.reached_cells] for start, plan in zip(self._starts, self.plans, strict=True)
+        ]
 
     @property
     def ruled_out(self) -> frozenset[int]:
@@ -134,8 +136,8 @@ class FamilyPlan(Plan):
         return float(np.mean([self.plans[member].scenes_per_piece for member in self.turns]))
 
     @property
-    def verified(self) -> bool:
-        return all(plan.verified for plan in self.plans)
+    def is_verified(self) -> bool:
+        return all(plan.is_verified for plan in self.plans)
 
     @property
     def fewest(self) -> int:
@@ -186,7 +188,7 @@ class FamilyPlan(Plan):
     def account(self, tally: Tally) -> Account:
         """What the scene file says: the share of each number of things, and its member's own account."""
         accounts = [self._account(member, tally) for member in range(len(self.plans))]
-        whole = tally.scenes >= self.wanted  # a run that was cut short has what was found
+        whole = tally.scenes >= self.scenes_wanted  # a run that was cut short has what was found
         each = zip(self.numbers, self.shares, accounts, strict=True)
         info: dict[str, object] = {
             "method": self.method,
@@ -233,7 +235,7 @@ class FamilyPlan(Plan):
         """Each member, and which scenes have its numbers of things; rows (3N, n). Raises AssertionError for a scene of
         no member."""
         spec = self.problem.spec
-        there = ~np.isnan(rows[: row_count(len(spec.objects))][along(X)]).T
+        there = ~np.isnan(rows[: row_count(len(spec.objects))][rows_along(X)]).T
         try:
             found = numbers_in(spec.objects, spec.counts, there)
         except ValueError as error:
@@ -305,8 +307,8 @@ def plan_numbers(
             plan = make(member, replace(request, n=n, seed=seed_of(request.seed, mine)))
         except RequestError as error:
             first = error.diagnostics[0]
-            if first.kind not in NO_SCENE_KINDS and (first.kind not in NOT_FOUND_KINDS or budget.spent):
-                if not budget.spent:
+            if first.kind not in NO_SCENE_KINDS and (first.kind not in NOT_FOUND_KINDS or budget.is_spent):
+                if not budget.is_spent:
                     raise
                 raise RequestError(*(one.but(counted=numbers_text(mine)) for one in error.diagnostics)) from None
             left_out.append((mine, first.title))

@@ -18,7 +18,7 @@ from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.declarations import NO_NUMBER_POSSIBLE, NUMBER_LEFT_OUT
 from scenegen.errors.requests import CANNOT_MOVE_SO_MANY, TOO_FEW_MOTIONS
 from scenegen.lang.spec import CheckedSpec, combinations, member_weights, numbers_text, rows_among
-from scenegen.pose import PLACE, along, row_count, row_of, rows_of
+from scenegen.pose import PLACE, row_count, row_of, rows_along, rows_of
 from scenegen.sampling.families import NO_SCENE_KINDS, NOT_FOUND_KINDS, assets_of, seed_of
 from scenegen.sampling.plans import draw
 from scenegen.sampling.problem import SCENES_IN_CACHE, Problem
@@ -101,7 +101,7 @@ def _rounds(
         start, kept, reason = _start_elsewhere(starts, found.rows, free, moved, budget, rng)
         pairs.append((start, found.rows[:, kept]))
         count, given_up = count + len(kept), given_up + found.count - len(kept)
-        if count == wanted or budget.spent or not len(kept):
+        if count == wanted or budget.is_spent or not len(kept):
             break
     begins, ends = (np.concatenate(parts, axis=1) for parts in zip(*pairs, strict=True))
     return begins, ends, given_up, reason
@@ -115,7 +115,7 @@ def _independent(starts: PairStarts, wanted: int, budget: Budget, rng: np.random
     """Starts that know nothing of the goals, (3N, m), and why there are too few."""
     problem, count, drawn = starts.problem, 0, 0
     parts = [np.empty((len(problem.lowest), 0))]  # the goals may have taken all the time
-    while count < wanted and drawn < STARTS_PER_PAIR * wanted and not budget.spent:
+    while count < wanted and drawn < STARTS_PER_PAIR * wanted and not budget.is_spent:
         # scenes of one run are spread over the range together, so the first run has all that are wanted
         request = replace(problem.request, n=max(wanted - count, 256), seed=int(rng.integers(1 << 31)))
         made = draw(replace(problem, request=request), budget)
@@ -137,7 +137,7 @@ def _start_elsewhere(
     problem = starts.problem
     found, done = goals.copy(), np.zeros(goals.shape[1], dtype=bool)
     tries = 0
-    while tries < STARTS_PER_GOAL and not done.all() and not budget.spent:
+    while tries < STARTS_PER_GOAL and not done.all() and not budget.is_spent:
         open_ = np.flatnonzero(~done)
         each = min(max(1, SCENES_IN_CACHE // len(open_)), STARTS_PER_GOAL - tries)  # several tries of a goal at once
         tries += each
@@ -181,7 +181,7 @@ def _check_pairs(
     assert flags.all() and (goal.cells.find(goal_phi) >= 0).all(), "a scene of a pair is out of its range"
     inside = goal.spec.workspace.contains
     assert inside(start).all() and inside(ends).all(), "an object of a pair is outside the workspace"
-    apart = [start[along(axis)] - ends[along(axis)] for axis in PLACE]
+    apart = [start[rows_along(axis)] - ends[rows_along(axis)] for axis in PLACE]
     far = np.hypot(*apart)
     differs = (far > 0.0).sum(axis=0)
     assert moved is None or (differs == moved).all(), "a pair moves another number of objects"
@@ -282,14 +282,16 @@ def _member(
         made = draw(spec, request)
         if made.shortfall is None:
             return made
-        if _count(made) or budget.spent:
+        if _count(made) or budget.is_spent:
             raise RequestError(made.shortfall)
         return made.shortfall
     except RequestError as error:
         first = error.diagnostics[0]
-        if first.kind in (*NO_SCENE_KINDS, CANNOT_MOVE_SO_MANY) or (first.kind in NOT_FOUND_KINDS and not budget.spent):
+        if first.kind in (*NO_SCENE_KINDS, CANNOT_MOVE_SO_MANY) or (
+            first.kind in NOT_FOUND_KINDS and not budget.is_spent
+        ):
             return first
-        if first.kind not in (*NOT_FOUND_KINDS, TOO_FEW_MOTIONS) and not budget.spent:
+        if first.kind not in (*NOT_FOUND_KINDS, TOO_FEW_MOTIONS) and not budget.is_spent:
             raise
         raise RequestError(*(one.but(counted=numbers_text(numbers)) for one in error.diagnostics)) from None
 

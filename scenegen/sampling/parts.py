@@ -171,8 +171,8 @@ class ProductPlan(Plan):
         return digest("paired", objects, tuple(plan.plan_digest for plan in self.plans))
 
     @property
-    def reached(self) -> Sequence[int]:
-        return self._spread.reached
+    def reached_cells(self) -> Sequence[int]:
+        return self._spread.reached_cells
 
     @property
     def ruled_out(self) -> frozenset[int]:

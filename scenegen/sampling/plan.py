@@ -155,7 +155,7 @@ class Plan(ABC):
 
     @property
     @abstractmethod
-    def reached(self) -> Sequence[int]:
+    def reached_cells(self) -> Sequence[int]:
         """The cells that the plan has found reachable: they get equal shares of the scenes."""
 
     @property
@@ -192,7 +192,7 @@ class Plan(ABC):
         return math.inf
 
     @property
-    def wanted(self) -> int:
+    def scenes_wanted(self) -> int:
         """How many scenes are requested."""
         return self.problem.request.n
 
@@ -210,7 +210,7 @@ class Plan(ABC):
     def groups(self) -> Sequence[Sequence[int]]:
         """The reached cells in groups, which get shares of the scenes by `weights`; the cells of a group get equal
         shares of its share."""
-        return (self.reached,)
+        return (self.reached_cells,)
 
     @property
     def weights(self) -> Sequence[int]:
@@ -238,7 +238,7 @@ class Plan(ABC):
         return MANY_PIECES
 
     @property
-    def verified(self) -> bool:
+    def is_verified(self) -> bool:
         """Whether each scene is checked against the request before it is returned: all but a model's raw output."""
         return True
 
@@ -275,18 +275,18 @@ class Selection(Plan):
     def probe(self) -> Self:
         """The selection with the cells that have scenes in its first pieces; with all where there is one cell, or no
         scene in these pieces."""
-        if len(self.plan.reached) == 1:
+        if len(self.plan.reached_cells) == 1:
             return self
-        cells = (set(self.draw(k).cell.tolist()) & {*self.plan.reached} for k in range(PROBED_PIECES))
-        return replace(self, found=tuple(sorted(next(filter(None, cells), self.plan.reached))))
+        cells = (set(self.draw(k).cell.tolist()) & {*self.plan.reached_cells} for k in range(PROBED_PIECES))
+        return replace(self, found=tuple(sorted(next(filter(None, cells), self.plan.reached_cells))))
 
     @property
     def method(self) -> str:
         return self.plan.method
 
     @property
-    def reached(self) -> Sequence[int]:
-        return self.plan.reached if self.found is None else self.found
+    def reached_cells(self) -> Sequence[int]:
+        return self.plan.reached_cells if self.found is None else self.found
 
     @property
     def ruled_out(self) -> frozenset[int]:

@@ -82,7 +82,7 @@ def make_plan(problem: Problem, budget: Budget, proposer: Proposer | None = None
 def _select(plan: Plan, request: SampleRequest, budget: Budget) -> Plan:
     """The plan without the scenes that options leave out."""
     for option, function in SELECTIONS.items():
-        if getattr(request, option) and plan.reached:
+        if getattr(request, option) and plan.reached_cells:
             plan = _load(function)(plan, budget)
     return plan
 

@@ -99,7 +99,7 @@ class Problem:
         return rows[: row_count(len(self.spec.objects))]
 
     @property
-    def fixed(self) -> dict[str, tuple[float, ...]]:
+    def fixed_poses(self) -> dict[str, tuple[float, ...]]:
         """The places of objects that the request fixes: (x, y) or (x, y, theta), headings in [0, 2 pi)."""
         return {name: tuple(pose) for name, pose in self.request.fix.items() if not isinstance(pose, FixedPose)}
 
@@ -204,7 +204,7 @@ def refuse_impossible(problem: Problem, effort: Effort) -> NoReturn:
     if problem.improbable:
         raise RequestError(TOO_IMPROBABLE(wanted=ranges_text(asked)))
     core, lowest, highest = problem.core, problem.lowest, problem.highest
-    raise RequestError(impossible(core, lowest, highest, asked, problem.demand(), tuple(problem.fixed), effort))
+    raise RequestError(impossible(core, lowest, highest, asked, problem.demand(), tuple(problem.fixed_poses), effort))
 
 
 def phi_varies(problem: Problem) -> bool:

@@ -29,7 +29,7 @@ class Proposer(Protocol):
     def regions(self) -> Sequence[Array]:
         """How phi is distributed among all scenes, as far as it knows: each (L, 2 + m), see `make_targets`."""
 
-    def mixed(self, rows: Any, ends: tuple[Any, Any], box: tuple[Array, Array], seed: int, stop: Stop = NEVER) -> Any:
+    def mix(self, rows: Any, ends: tuple[Any, Any], box: tuple[Array, Array], seed: int, stop: Stop = NEVER) -> Any:
         """Scenes, a tensor (3N, B), after random moves that do not change the uniform distribution over the scenes
         with phi within `ends`, (L, B) each, and poses within `box`, (3N,) each; those that are not there already stay
         as they are. It may do without, and return them all as they are. Raises what `stop` raises."""

@@ -36,14 +36,14 @@ def run_info(plan: Plan, tally: Tally) -> tuple[dict[str, object], tuple[Diagnos
     """What a scene file says about a run, and the warnings for the user."""
     problem, account = plan.problem, plan.account(tally)
     info, warnings = dict(account.info), problem.warnings
-    if plan.verified:
+    if plan.is_verified:
         count = problem.cells.count
-        missing = sorted(set(range(count)).difference(plan.reached))
+        missing = sorted(set(range(count)).difference(plan.reached_cells))
         if not problem.over_time:
             possible = (problem.possible | problem.improbable) - plan.ruled_out
             warnings += _unreached_warnings(problem, missing, possible, account.tried, len(tally.strays))
-            if problem.fixed:
-                info["fix"] = {name: list(pose) for name, pose in problem.fixed.items()}
+            if problem.fixed_poses:
+                info["fix"] = {name: list(pose) for name, pose in problem.fixed_poses.items()}
         info["cells"] = {"asked": count, "reached": count - len(missing)}
     if plan.why is not None:
         info |= {"auto": True, "reason": plan.why}
@@ -58,15 +58,15 @@ def too_few_motions(found: int, wanted: int, time_is_up: bool) -> Diagnostic:
 
 def shortfall_of_run(plan: Plan, tally: Tally, time_is_up: bool) -> Diagnostic | None:
     """Why a run has fewer scenes than requested; None if it has all."""
-    if tally.scenes >= plan.wanted:
+    if tally.scenes >= plan.scenes_wanted:
         return None
     if plan.problem.over_time:
-        return too_few_motions(tally.found, plan.wanted, time_is_up)
+        return too_few_motions(tally.found, plan.scenes_wanted, time_is_up)
     account = plan.account(tally)
     blamed, rarest = plan.shortfall_of(tally)
     problem = blamed.problem
     if blamed is not plan:  # of a part; what is missing is missing from the whole
-        problem = replace(problem, request=replace(problem.request, n=plan.wanted))
+        problem = replace(problem, request=replace(problem.request, n=plan.scenes_wanted))
     why = shortfall(problem, tally.found, account.tried, *blamed.misses(), rarest=rarest)
     return why.but(refused=account.note or tally.cut)
 

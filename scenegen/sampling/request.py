@@ -380,7 +380,7 @@ class SampleRequest:
 
     def __post_init__(self) -> None:
         for name, option in _options().items():
-            object.__setattr__(self, name, option.checked(name, getattr(self, name)))
+            object.__setattr__(self, name, option.check_value(name, getattr(self, name)))
 
     @classmethod
     def parse(cls, options: Mapping[str, Any], labels: Sequence[str]) -> SampleRequest:

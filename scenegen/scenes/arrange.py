@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from scenegen.arrays import Array
-from scenegen.errors import DataError, Diagnostic, quoted
+from scenegen.errors import DataError, Diagnostic, quote_names
 from scenegen.errors.declarations import NUMBERS_IN_FILE
 from scenegen.errors.files import DOUBTFUL_POSE, HELD_ELSEWHERE, NO_SURFACE_GIVEN, OTHER_SPEC, SCENE_NOT_ALLOWED
 from scenegen.geometry import NUMPY
@@ -16,7 +16,7 @@ from scenegen.geometry.workspace import Workspace
 from scenegen.lang.formula.core import REQUIRE, gate
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import NAMES, PLACE, THETA, TWO_PI, X, along, row_count, row_of, rows_of, span_of
+from scenegen.pose import NAMES, PLACE, THETA, TWO_PI, X, row_count, row_of, rows_along, rows_of, span_of
 from scenegen.scenes.data import SceneFile
 
 HELD_TOLERANCE = 1e-9  # metres and radians by which an object that is held in place may be off in a file
@@ -29,8 +29,8 @@ def order_of(spec: CheckedSpec, objects: Sequence[str]) -> list[int]:
     if set(objects) != set(spec.objects):
         missing = sorted(set(spec.objects) - set(objects))
         extra = sorted(set(objects) - set(spec.objects))
-        parts = [f"the scenes lack {quoted(missing)}"] if missing else []
-        parts += [f"the spec does not know {quoted(extra)}"] if extra else []
+        parts = [f"the scenes lack {quote_names(missing)}"] if missing else []
+        parts += [f"the spec does not know {quote_names(extra)}"] if extra else []
         names = {"wanted": tuple(spec.objects), "found": tuple(objects)}
         raise DataError(OTHER_SPEC(reason="; ".join(parts), **names))
     place = {name: index for index, name in enumerate(objects)}
@@ -117,7 +117,7 @@ def check_scenes(spec: CheckedSpec, rows: Array, before: int = 0) -> None:
     check_held(spec, rows, before)
     low, high = spec.box()
     for axis in PLACE:
-        part = along(axis)
+        part = rows_along(axis)
         over = np.maximum(low[part, None] - rows[part], rows[part] - high[part, None])
         if over.size and over.max() > OUTSIDE:
             index, scene = np.unravel_index(int(over.argmax()), over.shape)

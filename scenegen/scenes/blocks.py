@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scenegen.arrays import Array, Index
 from scenegen.errors import DataError, OutputError
 from scenegen.errors.files import COLUMN_TWICE, TOO_MANY_TO_READ
-from scenegen.pose import EVERY, NAMES, X, along, row_count
+from scenegen.pose import EVERY, NAMES, X, row_count, rows_along
 
 if TYPE_CHECKING:  # with it comes pydantic, 0.1 s of every worker's start; workers that draw know no headers
     from scenegen.scenes.data import CountData, ObjectData, SceneData, SceneFile
@@ -133,7 +133,7 @@ def counts_in(header: SceneFile, rows: Array) -> npt.NDArray[np.intp]:
     Raises ValueError where other rows are not finite, or are of objects that should not be there."""
     names = [one.name for one in header.objects]
     finite = np.isfinite(rows)
-    found = numbers_in(names, header.counts, finite[: row_count(len(names))][along(X)].T)
+    found = numbers_in(names, header.counts, finite[: row_count(len(names))][rows_along(X)].T)
     there = present(names, header.counts, found).T
     choosers = [names.index(one.name) for one in header.choosers]
     wanted = np.concatenate([np.repeat(there, len(EVERY), axis=0), there[choosers]])

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scenegen.arrays import Array
 from scenegen.errors import DataError
 from scenegen.errors.learning import ARRAY_NOT_FINITE, DIFFERENT_OBJECTS, TOO_FEW_SCENES, WRONG_SHAPE
-from scenegen.pose import SIZE, THETA, TWO_PI, X, Y, along, axis_of, object_count
+from scenegen.pose import SIZE, THETA, TWO_PI, X, Y, axis_of, object_count, rows_along
 
 
 def check_rows(rows: npt.ArrayLike) -> Array:
@@ -53,7 +53,7 @@ def features(rows: npt.ArrayLike, depends: Sequence[int] | None = None) -> Array
     """
     poses = check_rows(rows)
     if depends is None:
-        x, y, theta = poses[along(X)], poses[along(Y)], poses[along(THETA)]
+        x, y, theta = poses[rows_along(X)], poses[rows_along(Y)], poses[rows_along(THETA)]
     else:
         x, y, theta = (poses[[row for row in depends if axis_of(row) == axis]] for axis in (X, Y, THETA))
     return np.concatenate([x, y, np.cos(theta) / TWO_PI, np.sin(theta) / TWO_PI]).T

@@ -55,7 +55,7 @@ Seed = Annotated[int, Field(ge=0)]
 
 
 class StratumData(BaseModel):
-    """A range of phi of which a data set has as many scenes as of the others."""
+    """A range of phi of one label, the others free, of which a data set has as many scenes as of the others."""
 
     model_config = ConfigDict(strict=True, defer_build=True)
 

@@ -85,7 +85,7 @@ class Budget:
         return max(self.ends - time.monotonic(), 1e-3)
 
     @property
-    def spent(self) -> bool:
+    def is_spent(self) -> bool:
         return time.monotonic() - self.started >= self.seconds
 
     @property

@@ -66,7 +66,7 @@ def stub(spec=None, ranges=None, regions=EVEN):
     card = SimpleNamespace(quality=[at(0.5, task=0.0)], ranges=ranges, labels=labels, scenegen="0.1")
     trained = SimpleNamespace(label_ranges={"task": (-1.0, 0.2)}, card=card, regions=regions)
     made = SimpleNamespace(trained=trained, spec=spec or scenegen.parse(TEXT))
-    made.each = (({}, made),)
+    made.members = (({}, made),)
     return made
 
 
@@ -85,7 +85,7 @@ def test_models_of_drawn_numbers_are_told_of_by_their_numbers():
     spec = scenegen.parse(
         "object a[1..2] = cylinder(0.1, 0.1), b = cylinder(0.1, 0.1) require noOverlap() task: leftOf(a[1], b)"
     )
-    family = SimpleNamespace(spec=spec, each=tuple((numbers, stub(member)) for numbers, member in spec.members))
+    family = SimpleNamespace(spec=spec, members=tuple((numbers, stub(member)) for numbers, member in spec.members))
     x, y = np.array([[0.1, 0.1, 0.1], [np.nan, 0.9, 0.15], [0.5, 0.5, 0.5]]), 0.5  # the last one: a[2] stands on a[1]
     rows = np.array([row for one in x for row in (one, y + 0 * one, 0 * one)])
     found = [one.title for one in advice(family, {"task": Range(0.0, 0.1)}, rows, True)]

@@ -264,20 +264,20 @@ def _told(folded, part, depth=0):
 @pytest.mark.parametrize("name", CASES)
 def test_what_is_told(name):
     text, label, expected = CASES[name]
-    folded = FormulaTree(Outline(parse(text)))
+    folded = FormulaTree(Outline(parse(text).checked))
     told = list(_told(folded, folded.root(label)))
     assert [line for line in told if not line.startswith(("all of: noOverlap",))] == expected
 
 
 def test_bounds_hold_for_all_of_them():
-    outline = Outline(parse("object pawn[8]\ntask: forall k in 1..8: x(pawn[k]) <= k * 10 cm"))
+    outline = Outline(parse("object pawn[8]\ntask: forall k in 1..8: x(pawn[k]) <= k * 10 cm").checked)
     folded = FormulaTree(outline)
     (part,) = folded.children(folded.root("task"))
     assert (part.line.low, part.line.high) == pytest.approx((-0.9, 0.8)) and len(part.nodes) == 8
 
 
 def test_unfolded_every_sub_formula_has_a_line():
-    outline = Outline(parse(CASES["pairs of an array"][0]))
+    outline = Outline(parse(CASES["pairs of an array"][0]).checked)
     folded = FormulaTree(outline, fold=False)
     found = folded.children(folded.root("require"))
     assert len(found) == 120 and all(len(part.nodes) == 1 and not part.count for part in found)
@@ -287,7 +287,7 @@ def test_definitions_used_twice_at_every_level_do_not_grow():
     """2^40 sub-formulas, if each were looked at as often as it is used."""
     text = ["object a[3]", "def f0(p) = leftOf(p, a[1]) & x(p) <= 0.3"]
     text += [f"def f{n}(p) = f{n - 1}(p) | f{n - 1}(p) & y(p) <= 0.{n}" for n in range(1, 13)]
-    folded = FormulaTree(Outline(parse("\n".join([*text, "task: forall p in a: f12(p)"]))))
+    folded = FormulaTree(Outline(parse("\n".join([*text, "task: forall p in a: f12(p)"])).checked))
     level = [folded.root("task")]
     for _ in range(12):
         level = [child for part in level for child in folded.children(part)][:50]

@@ -19,6 +19,8 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
+from scenegen.worlds.exporting import CONTRACT
+
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "scenegen"
 RECORDED = Path(__file__).with_name("recorded.json")
@@ -174,11 +176,11 @@ def targets(node: ast.stmt) -> list[str]:
 
 
 def ambiguous_constants(trees: Trees) -> list[str]:
-    """Names in capitals that modules give different values."""
+    """Names in capitals that modules give different values; not those that a contract asks of each of them."""
     values: dict[str, dict[str, str]] = defaultdict(dict)
     for path, tree in trees.items():
         for node in tree.body:
-            for name in targets(node):
+            for name in set(targets(node)).difference(CONTRACT):
                 if re.fullmatch(r"_?[A-Z][A-Z0-9_]*", name) and (value := getattr(node, "value", None)):
                     values[name][where(path, node)] = ast.unparse(value)
     return [f"{name} {' '.join(sorted(given))}" for name, given in sorted(values.items()) if len({*given.values()}) > 1]

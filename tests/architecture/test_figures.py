@@ -47,3 +47,5 @@ def test_constants_of_one_name_are_ambiguous_where_their_values_differ():
     assert measure.ambiguous_constants(same) == []
     (line,) = measure.ambiguous_constants({**same, folder / "c.py": ast.parse("lower = 3\nMOST: int = 4")})
     assert line.split()[0] == "MOST" and line.count(".py") == 3
+    asked = {folder / f"{name}.py": ast.parse(f"ENDING = '.{name}'") for name in "ab"}  # of every export format
+    assert measure.ambiguous_constants(asked) == []

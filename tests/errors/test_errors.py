@@ -20,7 +20,7 @@ from scenegen.errors import (
     Span,
     SpecError,
     nearest,
-    quoted,
+    quote_names,
     render,
     render_all,
     to_json,
@@ -133,7 +133,12 @@ def test_nearest_names_among_the_facts_and_quoted():
     assert kind(name="leftof", known=KNOWN).help == "did you mean `leftOf`?"
     assert kind(name="spoon", known=KNOWN).help == "else"
     assert kind(name="mug", known=KNOWN).help == "else", "a name is no suggestion for itself"
-    assert [quoted([]), quoted("a"), quoted("ab"), quoted("abc")] == ["none", "`a`", "`a` and `b`", "`a`, `b` and `c`"]
+    assert [quote_names([]), quote_names("a"), quote_names("ab"), quote_names("abc")] == [
+        "none",
+        "`a`",
+        "`a` and `b`",
+        "`a`, `b` and `c`",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -84,8 +84,8 @@ def test_what_is_too_rare_is_named_with_the_reason(monkeypatch):
 
 def test_the_limit_counts_work_and_not_waiting(monkeypatch):
     budget = CpuBudget(5.0, started=time.monotonic() - 1000.0)
-    assert not budget.spent and not budget.overdrawn and budget.ends > time.monotonic()
-    assert CpuBudget(5.0, used=time.process_time() - 5.1).spent
+    assert not budget.is_spent and not budget.overdrawn and budget.ends > time.monotonic()
+    assert CpuBudget(5.0, used=time.process_time() - 5.1).is_spent
     assert CpuBudget(5.0, used=time.process_time() - 6.0).overdrawn
 
 

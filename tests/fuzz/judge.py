@@ -94,7 +94,7 @@ def _sized(case: Case, path: Path) -> bool:
         spec = Spec(check_file(path, case.main))
     if spec is not None:
         with limited("the outline", SHOW):
-            outline = Outline(spec)
+            outline = Outline(spec.checked)
             for label in outline.labels[:20]:
                 outline.lines(label)
         with limited("the search for clashes", SHOW):
@@ -205,7 +205,7 @@ def accepted(spec: CheckedSpec, rng: random.Random) -> None:
     ):
         raise Fault("the canonical text declares something else")
     try:
-        outline = Outline(Spec(spec))
+        outline = Outline(spec)
     except SpecError as overflow:
         if "larger than a computer" not in str(overflow):
             raise

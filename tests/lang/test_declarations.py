@@ -252,7 +252,7 @@ def test_elements_of_an_array_are_drawn_by_themselves_and_beside_numbers():
     for number, (member, rows) in enumerate(zip(some.specs, some.rows, strict=True)):
         scene = np.full((3 * len(checked.objects), 1), np.nan)
         scene[rows] = 0.5
-        ((found, which),) = some.of(scene)
+        ((found, which),) = some.split(scene)
         assert found == number and list(which) == [0]
         assert [checked.objects[row // 3] for row in rows[::3]] == list(member.objects)
 

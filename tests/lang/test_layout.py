@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenegen.api.outline import Outline
-from scenegen.api.spec import Spec
 from scenegen.errors import Source, SpecError
 from scenegen.lang.checker import check_text
 from scenegen.lang.syntax import ast
@@ -254,7 +253,7 @@ def canonical(text):
 def expanded(checked):
     rows = []
     for label in checked.labels:
-        lines, left_out = Outline(Spec(checked)).lines(label)
+        lines, left_out = Outline(checked).lines(label)
         assert not left_out
         rows.append(f"{label}\n")
         for line in lines:

@@ -308,9 +308,9 @@ def test_the_page_is_told_what_a_format_needs(tmp_path, monkeypatch):
     def missing(folder):
         return {one["name"]: one["install"] for one in open_(folder).data()["formats"] if one["install"]}
 
-    monkeypatch.setattr("scenegen.page.project.found", lambda package: package == "pxr")
+    monkeypatch.setattr("scenegen.page.project.is_installed", lambda package: package == "pxr")
     assert missing(tmp_path) == {}
-    monkeypatch.setattr("scenegen.page.project.found", lambda package: False)
+    monkeypatch.setattr("scenegen.page.project.is_installed", lambda package: False)
     assert missing(tmp_path) == {"usd": 'pip install "scenegen-dsl[usd]"'}
 
 
@@ -353,7 +353,7 @@ TEXT_MODELS = "object block[1..3], plate\ntask: leftOf(block[1], plate)\n"
 def folder_models(monkeypatch):
     """A folder of models, as far as they are looked at."""
     models = [(numbers, SimpleNamespace(spec=member)) for numbers, member in scenegen.parse(TEXT_MODELS).members]
-    monkeypatch.setattr(sample, "_model", lambda path: SimpleNamespace(each=models))
+    monkeypatch.setattr(sample, "_model", lambda path: SimpleNamespace(members=models))
     return {numbers["block"]: model for numbers, model in models}
 
 

@@ -13,7 +13,7 @@ from scenegen.api.scenes import SceneSet, evaluate
 from scenegen.errors import ScenegenError, Source
 from scenegen.lang.checker import check_text
 from scenegen.planning.conversion import export_problems
-from scenegen.planning.export import Problems, goal_labels, goal_notes, vocabulary
+from scenegen.planning.export import SpecProblems, goal_labels, goal_notes, vocabulary
 from scenegen.planning.facts import ground
 from scenegen.planning.problem import Domain, expressions, problem_of
 from scenegen.pose import as_poses
@@ -51,11 +51,11 @@ def told(scenes: SceneSet, statements: list[str]) -> dict[str, np.ndarray]:
     return {one: phi[f"fact{number}_"] >= 0.0 for number, one in enumerate(statements)}
 
 
-def problems_of(scenes: SceneSet, **choice: list[str] | None) -> tuple[Problems, list[str]]:
+def problems_of(scenes: SceneSet, **choice: list[str] | None) -> tuple[SpecProblems, list[str]]:
     from scenegen.api.scene_arrays import rows_of
 
     grounded = ground(scenes.header.spec.source, "scenes", choice.get("facts"))
-    problems = Problems(grounded, goal_labels(grounded, choice.get("goal")), vocabulary([grounded]))
+    problems = SpecProblems(grounded, goal_labels(grounded, choice.get("goal")), vocabulary([grounded]))
     comments = dict.fromkeys(range(1, len(scenes) + 1), "")
     return problems, list(problems.of_scenes(rows_of(grounded.spec, scenes), comments))
 

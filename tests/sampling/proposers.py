@@ -20,7 +20,7 @@ class Uniform:
     info = {}  # noqa: RUF012
     regions = ()
 
-    def mixed(self, rows, ends, box, seed, stop=None):
+    def mix(self, rows, ends, box, seed, stop=None):
         return rows
 
     def __call__(self, phi, generator, stop=None):
@@ -40,7 +40,7 @@ class Constant:
     info = {}  # noqa: RUF012
     regions = ()
 
-    def mixed(self, rows, ends, box, seed, stop=None):
+    def mix(self, rows, ends, box, seed, stop=None):
         return rows
 
     def __call__(self, phi, generator, stop=None):

@@ -57,7 +57,7 @@ def test_a_rare_one_is_splitting():
 @pytest.mark.slow
 def test_more_cells_are_worth_splitting():
     choice = chosen(SPREAD, 0.9, 1.0, n=3200)
-    assert choice.method == "splitting" and choice.reached == tuple(range(32))
+    assert choice.method == "splitting" and choice.reached_cells == tuple(range(32))
     assert choice.why.startswith("it reaches 32 of 32 cells, rejection ")
 
 
@@ -228,7 +228,7 @@ safe: (forall p in block: abs(x(p) - 0.5) <= 37.7 cm) & (forall p, q in part: fa
     ranges = {"task": Range(-0.2, 0.1), "safe": Range(0.0)}
     choice = make_plan(make_problem(check_text(text), SampleRequest(ranges, n=100)), Budget(), method="auto")
     assert choice.method == "growth" and choice.why == "pruning each cell takes too much work"
-    assert len(choice.reached) == 32
+    assert len(choice.reached_cells) == 32
 
 
 @pytest.mark.long

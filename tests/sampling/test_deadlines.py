@@ -126,7 +126,7 @@ def test_a_trial_is_not_made_for_longer_than_its_time(monkeypatch):
 class Calls:
     """A time limit, counted in calls instead of seconds: time is up at the k-th."""
 
-    spent = overdrawn = False
+    is_spent = overdrawn = False
 
     def __init__(self, k=None):
         self.k, self.calls = k, 0

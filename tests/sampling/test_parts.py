@@ -156,7 +156,7 @@ def test_every_method_can_have_a_part():
 def test_cells_and_a_requirement():
     plan = paired(make_problem(check_text(REQUIRED), SampleRequest({"task": Range(0.0, 0.008)}, n=640)))
     found = drawn(plan)
-    assert plan.reached == tuple(range(32)) and found.shortfall is None
+    assert plan.reached_cells == tuple(range(32)) and found.shortfall is None
     assert (np.histogram(found.phi[0], np.linspace(0.0, 0.008, 33))[0] == 20).all()
     assert np.sin(20 * found.rows[5]).min() >= LEVEL
 

@@ -417,7 +417,7 @@ def test_what_is_left_is_what_covers_before_did_not_take(pools, monkeypatch):
     planned(1)
     used = sum(works) + 0.5  # rounding apart
     less = planned(1, math.inf, used - 1.0)
-    assert less.plan_digest != plan.plan_digest and less.reached == plan.reached
+    assert less.plan_digest != plan.plan_digest and less.reached_cells == plan.reached_cells
     assert [planned(w, math.inf, used).plan_digest for w in (1, 2)] == [plan.plan_digest] * 2
     assert planned(2, math.inf, used - 1.0).plan_digest == less.plan_digest
 
@@ -451,7 +451,7 @@ object mug, can, apple, book
     for n in (10_000, 100_000, 1_000_000, 10_000_000):
         asked = SampleRequest({"task": Range(-0.6, -0.0625)}, n=n, workers=1)
         plan = make_plan_covers(make_problem(check_text(text), asked), BUDGET, method="auto")
-        assert plan.method == "rejection" and len(plan.reached) == 32
+        assert plan.method == "rejection" and len(plan.reached_cells) == 32
         each.append((plan.draws + plan.expected) / n)
     assert all(later <= 1.02 * before for before, later in pairwise(each))
 

@@ -86,7 +86,7 @@ def test_time_cuts_short_and_changes_no_scene(exp1):
         left = True
 
         @property
-        def spent(self):
+        def is_spent(self):
             return not OnePiece.left
 
     def stop(*_):

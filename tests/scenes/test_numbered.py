@@ -195,7 +195,7 @@ def test_a_number_that_is_not_listed_is_refused(tmp_path):
 
 def test_pairs_have_the_shares_of_weighted_numbers():
     pairs = scenegen.pairs(scenegen.parse(WEIGHTED), (0.0, None), n=16, seed=5)
-    assert np.bincount(pairs.goals.counts["block"]).tolist() == [0, 2, 4, 0, 10]
+    assert np.bincount(pairs.counts["block"]).tolist() == [0, 2, 4, 0, 10]
 
 
 def test_rarity_is_the_mean_by_weights():

@@ -113,7 +113,7 @@ def test_what_cannot_be_cut_says_why(monkeypatch):
 
 
 def test_without_coacd_it_is_said_how_to_get_it(monkeypatch):
-    monkeypatch.setattr(needs, "found", lambda package: package != "coacd")
+    monkeypatch.setattr(needs, "is_installed", lambda package: package != "coacd")
     with pytest.raises(RequestError) as caught:
         convex_pieces(APART)
     assert caught.value.diagnostics[0].code == "not-installed"

@@ -139,7 +139,7 @@ class DocumentProblem:
 
 def problems(document: Document) -> list[DocumentProblem]:
     """The problems of a document, in no particular order."""
-    checked = document.checked
+    checked = document.check_result
     if not isinstance(checked, CheckedSpec):
         return [_problem(document, one) for one in checked]
     found = [_problem(document, one) for one in checked.warnings]

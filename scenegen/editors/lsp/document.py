@@ -173,7 +173,7 @@ class Document:
         return parse_tolerant(self.source)
 
     @cached_property
-    def checked(self) -> CheckedSpec | tuple[Diagnostic, ...]:
+    def check_result(self) -> CheckedSpec | tuple[Diagnostic, ...]:
         """The checked spec, or all errors."""
         module, problems = self.parse_result
         if problems or module is None:
@@ -189,9 +189,9 @@ class Document:
         module = self.parse_result[0]
         if module is None:
             return None
-        if isinstance(self.checked, CheckedSpec):
-            return module, self.checked
-        problems: tuple[Diagnostic, ...] = () if self.parse_result[1] else self.checked
+        if isinstance(self.check_result, CheckedSpec):
+            return module, self.check_result
+        problems: tuple[Diagnostic, ...] = () if self.parse_result[1] else self.check_result
         for _ in range(SALVAGES):
             wrong = [one.span.start for one in problems if one.span is not None and one.span.source is self.source]
             kept = tuple(one for one in module.statements if not any(one.start <= at < one.end for at in wrong))

@@ -80,7 +80,7 @@ def refer(lowering: Lowering, node: ast.Name, env: Mapping[str, Value], frame: C
         lowering.values[node.id] = value
     lowering.used.add(node.id)
     # The value is the constant's, the place to blame is where the name was used.
-    return lowering.values[node.id].moved(origin)
+    return lowering.values[node.id].with_origin(origin)
 
 
 def _region(lowering: Lowering, node: ast.Name, frame: CallFrame) -> None:
@@ -108,7 +108,7 @@ def call(lowering: Lowering, node: ast.Call, env: Mapping[str, Value], frame: Ca
     values: dict[str, Value] = {}
     for parameter, argument, role in _arguments(lowering, node, frame):
         value = lowering.at_once(argument, env, frame) or lowering.lower(argument, env, frame)
-        values[parameter] = value if value.role else value.moved(value.origin, role)
+        values[parameter] = value if value.role else value.with_origin(value.origin, role)
     declared = lowering.scope.definition(name, frame.source)
     if declared is not None:
         return _expand(lowering, declared, values, node, frame)
@@ -124,7 +124,7 @@ def call(lowering: Lowering, node: ast.Call, env: Mapping[str, Value], frame: Ca
     key = (name, key_of(given[0]))
     if key not in lowering.expansions:  # mean(gaps(items)), in each round
         lowering.expansions[key] = (function(lowering, name, given, node, frame), given)
-    return lowering.expansions[key][0].moved(lowering.origin(node, frame))
+    return lowering.expansions[key][0].with_origin(lowering.origin(node, frame))
 
 
 def _arguments(lowering: Lowering, node: ast.Call, frame: CallFrame) -> list[tuple[str, ast.Expr, str]]:
@@ -132,7 +132,7 @@ def _arguments(lowering: Lowering, node: ast.Call, frame: CallFrame) -> list[tup
     known = lowering.calls.get(id(node))
     if known is None:
         name = node.function.id
-        signature = lowering.scope.called(name, frame.source)
+        signature = lowering.scope.callee_signature(name, frame.source)
         assert signature is not None
         given = bind(node, signature, frame.source)
         assert isinstance(given, dict)
@@ -156,7 +156,7 @@ def _expand(
         if parameter.name.id not in values:
             assert parameter.default is not None
             value = lowering.lower(parameter.default, {}, CallFrame(declared.source, places))
-            values[parameter.name.id] = value.moved(value.origin)
+            values[parameter.name.id] = value.with_origin(value.origin)
     if definition.name.id in OF_SUPPORT and declared.source is lowering.scope.prelude:
         note_elsewhere(lowering, definition.name.id, values, node, frame)
     ordered = [values[parameter.name.id] for parameter in definition.parameters]
@@ -166,7 +166,7 @@ def _expand(
         inside = CallFrame(declared.source, places, text, definition.body, frame.where)
         expanded: Value = lowering.lower(definition.body, values, inside)
         lowering.expansions[key] = (expanded, ordered)
-    return lowering.expansions[key][0].moved(places[0])
+    return lowering.expansions[key][0].with_origin(places[0])
 
 
 class FormulaLowering(Lowering):

@@ -111,13 +111,13 @@ def _standing(spec: CheckedSpec, which: int) -> object:
     if not spec.declares_heights:
         return None
 
-    def named(one: object) -> object:
+    def identity(one: object) -> object:
         carrier = getattr(one, "carrier", None)
         return (getattr(one, "name", None), None if carrier is None else spec.objects[carrier])
 
     choice = spec.choices.get(which)
-    options = None if choice is None else (tuple(map(named, choice.options)), choice.ends)
-    return spec.heights[which], named(spec.supports.get(which)), options
+    options = None if choice is None else (tuple(map(identity, choice.options)), choice.ends)
+    return spec.heights[which], identity(spec.supports.get(which)), options
 
 
 MAX_SHOWN_ASSETS = 8  # names that a help line lists
@@ -167,12 +167,12 @@ def _read(path: str, here: Span, project: Project) -> Shape:
         )
     file = str(PurePosixPath(where).parent / entry.file.replace("\\", "/"))
 
-    def beside(other: str) -> bytes:
+    def read_other(other: str) -> bytes:
         return project.read_beside(file, other, here)
 
     try:
         kind = "a URDF file" if entry.is_robot else "a mesh file"
-        found = fit_asset(entry, project.read(file, here, kind), beside)
+        found = fit_asset(entry, project.read(file, here, kind), read_other)
     except AssetSizeError as error:
         raise SpecError(UNUSABLE_SHAPE_FILE(here, name=name, size=error.size, hint=error.hint or None)) from None
     except MeshError as error:
@@ -208,10 +208,10 @@ def is_category(expr: ast.Expr | None) -> bool:
 
 
 def category_of(
-    thing: DeclaredObject, count: int, project: Project, outlined: Callable[[ast.Expr], Shape]
+    thing: DeclaredObject, count: int, project: Project, outline_of: Callable[[ast.Expr], Shape]
 ) -> Category | None:
-    """The category of an object, or of an array of `count`; None where it has another shape. `outlined` gives the shape
-    of an asset with its outline. Raises SpecError."""
+    """The category of an object, or of an array of `count`; None where it has another shape. `outline_of` gives the
+    shape of an asset with its outline. Raises SpecError."""
     one = thing.declaration
     if one is None or not isinstance(one.shape, ast.Call) or not is_category(one.shape):
         return None
@@ -232,7 +232,7 @@ def category_of(
             raise SpecError(NOT_A_CATEGORY(given[name].span(thing.source), usage=SIGNATURE.usage))
     weights: tuple[int, ...] = ()
     if "assets" in given:
-        assets, weights = _listed_shapes(given["assets"], thing, outlined)
+        assets, weights = _listed_shapes(given["assets"], thing, outline_of)
     else:
         names = _category_folders(path.value, path.span(thing.source), project)
         folder = path.value.replace("\\", "/").rpartition("/")[0]
@@ -255,7 +255,7 @@ class Variants:
     shapes: dict[int, Shape] = field(default_factory=dict)
     more: list[tuple[int, str, Shape]] = field(default_factory=list)
 
-    def called(self, objects: Mapping[str, int]) -> tuple[str, ...]:
+    def all_names(self, objects: Mapping[str, int]) -> tuple[str, ...]:
         """The names of all objects, by the places of those of the spec."""
         return (*(self.names.get(place, name) for name, place in objects.items()), *(name for _, name, _ in self.more))
 
@@ -350,14 +350,14 @@ def _unequal(weights: Sequence[Fraction]) -> tuple[int, ...]:
 
 
 def _listed_shapes(
-    expr: ast.Expr, thing: DeclaredObject, outlined: Callable[[ast.Expr], Shape]
+    expr: ast.Expr, thing: DeclaredObject, outline_of: Callable[[ast.Expr], Shape]
 ) -> tuple[tuple[Shape, ...], tuple[int, ...]]:
     """The assets of a canonical text, and their weights."""
     found: list[Shape] = []
     for item in expr.items if isinstance(expr, ast.List | ast.Weighted) else ():
         if not isinstance(item, ast.Call) or item.function.id != "asset" or len(item.arguments) != 2:
             raise SpecError(NOT_A_CATEGORY(item.span(thing.source), usage=SIGNATURE.usage))
-        found.append(outlined(item))
+        found.append(outline_of(item))
     if not found or len({index_of(one.path)[1] for one in found}) < len(found):
         raise SpecError(NOT_A_CATEGORY(expr.span(thing.source), usage=SIGNATURE.usage))
     weights = expr.weights if isinstance(expr, ast.Weighted) else ()

@@ -61,7 +61,7 @@ def list_function(lowering: Lowering, name: str, value: Value, node: ast.Call, f
     if key not in lowering.expansions:  # a quantifier over the gaps may ask for them in each of its rounds
         pairs = [function(lowering, "gap", [first, second], node, frame) for first, second in pairwise(items)]
         lowering.expansions[key] = (ListValue(tuple(pairs), origin=origin), [value])
-    return lowering.expansions[key][0].moved(origin)
+    return lowering.expansions[key][0].with_origin(origin)
 
 
 def join_lists(lowering: Lowering, values: list[Value], node: ast.Binary, frame: CallFrame) -> Value | None:
@@ -81,7 +81,7 @@ def join_lists(lowering: Lowering, values: list[Value], node: ast.Binary, frame:
         items = tuple(item for value in values for item in lowering.coerce.items(value, ""))
         lowering.spend(len(items), frame)
         lowering.expansions[key] = (ListValue(items, origin=origin), values)
-    return lowering.expansions[key][0].moved(origin)
+    return lowering.expansions[key][0].with_origin(origin)
 
 
 def function(lowering: Lowering, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> NumberValue:
@@ -212,7 +212,7 @@ def _poses(lowering: Lowering, value: Value, what: str) -> tuple[Pose, Pose]:
     axes = range(THETA + 1)
     now = [coerce.coordinate(value.index, axis) for axis in axes]
     held = value.index in coerce.fixed
-    return now, now if held else [builder.before(value.index, axis) for axis in axes]
+    return now, now if held else [builder.previous_coord(value.index, axis) for axis in axes]
 
 
 def _seen_from(lowering: Lowering, frame: Pose, pose: Pose) -> Pose:

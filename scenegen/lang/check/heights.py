@@ -269,15 +269,15 @@ def _clearance_of_columns(lowering: Lowering, first: int, second: int) -> int:
     builder = lowering.builder
     base, other_base = level(lowering, first), level(lowering, second)
 
-    def raised(number: int, by: float) -> int:
+    def lift(number: int, by: float) -> int:
         return builder.apply("add", (number, builder.const(by)))
 
     clearances = []
     for one_shape, low, high in _pieces(lowering, first, 0.0):
         for other_shape, other_low, other_high in _pieces(lowering, second, 0.0):
             beside = builder.apply("gap", (*_pose(lowering, first), *_pose(lowering, second)), (one_shape, other_shape))
-            over = builder.apply("sub", (raised(base, low), raised(other_base, other_high)))
-            under = builder.apply("sub", (raised(other_base, other_low), raised(base, high)))
+            over = builder.apply("sub", (lift(base, low), lift(other_base, other_high)))
+            under = builder.apply("sub", (lift(other_base, other_low), lift(base, high)))
             clearances.append(builder.apply("max", (beside, over, under)))
     return clearances[0] if len(clearances) == 1 else builder.apply("min", clearances)
 
@@ -384,7 +384,7 @@ def _surface(lowering: Lowering, base: ObjectValue, index: int, name: str, origi
     """The surface of that name of an object, or the list of those that are numbered; None where it has none."""
     named = [one for one in surface_values(lowering, index, base) if one.surface.name.partition("[")[0] == name]
     if len(named) == 1 and named[0].surface.name == name:
-        return named[0].moved(origin)
+        return named[0].with_origin(origin)
     return ListValue(tuple(named), origin=origin) if named else None
 
 

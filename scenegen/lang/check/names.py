@@ -9,7 +9,7 @@ from itertools import islice
 from types import ModuleType
 from typing import Any
 
-from scenegen.errors import Diagnostic, Source, Span, quoted
+from scenegen.errors import Diagnostic, Source, Span, quote_names
 from scenegen.errors.language import (
     BUILT_IN_NAME,
     CIRCULAR_DEFINITION,
@@ -254,7 +254,7 @@ def bind(node: ast.Call, signature: Signature, source: Source) -> dict[str, ast.
         given[name] = argument.value
     missing = [name for name in signature.parameters[: signature.needed] if name not in given]
     if missing:
-        label = f"{quoted(missing)} missing"
+        label = f"{quote_names(missing)} missing"
         return WRONG_NUMBER_OF_ARGUMENTS(node.span(source), **_arity(signature, count), label=label)
     return given
 
@@ -304,7 +304,7 @@ def _references(declared: Declared, scope: Scope) -> Iterator[tuple[Declared, Sp
         if isinstance(node, ast.Call):
             target = scope.definition(node.function.id, declared.source)
         elif isinstance(node, ast.Name) and node.id not in visible:
-            target = scope.declared(node.id)
+            target = scope.declaration(node.id)
         if target is not None:
             place = node.function if isinstance(node, ast.Call) else node
             yield target, place.span(declared.source)

@@ -253,10 +253,10 @@ def categories(lowering: Lowering, project: Project, counts: Mapping[str, int]) 
         if thing.declaration is None or not is_category(thing.declaration.shape):
             continue
 
-        def outlined(expr: ast.Expr, source: Source = thing.source) -> Shape:
+        def outline_of(expr: ast.Expr, source: Source = thing.source) -> Shape:
             return _shape(lowering, expr, source, project)
 
-        made = category_of(thing, len(scope.arrays.get(name, (0,))), project, outlined)
+        made = category_of(thing, len(scope.arrays.get(name, (0,))), project, outline_of)
         if made is not None:
             found[name] = made
     return found, variants(scope, found, counts) if found else Variants()
@@ -310,14 +310,14 @@ def _file(lowering: Lowering, call: ast.Call, source: Source, project: Project) 
     name = path.value.replace("\\", "/")
     data = project.read(name, here, "a URDF file" if kind == "urdf" else "a mesh file")
 
-    def beside(other: str) -> bytes:
+    def read_other(other: str) -> bytes:
         return project.read_beside(name, other, here)
 
     try:
         if kind == "mesh":
-            footprint, height = mesh_outline(name, data, beside)
+            footprint, height = mesh_outline(name, data, read_other)
         else:
-            footprint, height = outline(data, beside)
+            footprint, height = outline(data, read_other)
     except MeshError as error:
         raise SpecError(UNUSABLE_SHAPE_FILE(here, path=path.value, reason=str(error))) from None
     found = Shape(kind, footprint, height, path.value)

@@ -59,7 +59,7 @@ class QuantifierRounds:
         """The formula of the body for one choice of the variables. Raises SpecError, and FormulaTooLarge."""
         frame, lowering = self.frame, self.lowering
         names = [variable.id for variable in self.node.variables]
-        chosen = {name: value.moved(value.origin) for name, value in zip(names, choice, strict=True)}
+        chosen = {name: value.with_origin(value.origin) for name, value in zip(names, choice, strict=True)}
         inside = CallFrame(
             frame.source,
             frame.calls,
@@ -103,7 +103,7 @@ class QuantifierRounds:
             return None
         remark = f" (the {'tightest' if kind == 'min' else 'loosest'} of {self.count:,})"
         for place, choice in hardest.items():
-            atoms[place] = builder.remarked(kept[choice][place], remark)
+            atoms[place] = builder.add_remark(kept[choice][place], remark)
         return atoms
 
     def _formula_of(self, choice: Sequence[float]) -> int:

@@ -95,9 +95,9 @@ class Scope:
 
     def knows(self, name: str) -> bool:
         """Whether a name stands for something by itself."""
-        return self.declared(name) is not None or name in self.things or name in BUILT_IN
+        return self.declaration(name) is not None or name in self.things or name in BUILT_IN
 
-    def declared(self, name: str) -> Declared | None:
+    def declaration(self, name: str) -> Declared | None:
         """The constant, region or label of that name."""
         return self.constants.get(name) or self.regions.get(name) or self.labels.get(name)
 
@@ -121,7 +121,7 @@ class Scope:
             return mine if mine is not None and mine.source is self.prelude else None
         return self.definitions.get(name)
 
-    def called(self, name: str, caller: Source) -> Signature | None:
+    def callee_signature(self, name: str, caller: Source) -> Signature | None:
         """How the definition or function that a call means may be called."""
         declared = self.definition(name, caller)
         if declared is None:

@@ -155,7 +155,7 @@ def _support(lowering: Lowering, upper: int, value: Value, here: Span) -> Suppor
             surface = named.get(surface.name, surface)
         case _:
             wanted = "an object, a surface or a region"
-            raise lowering.coerce.wrong(value.moved(here), wanted, f"what `{name}` stands on")
+            raise lowering.coerce.wrong(value.with_origin(here), wanted, f"what `{name}` stands on")
     label = f"{lowering.builder.objects[carrier]}.{surface.name}"
     if carrier == upper:
         raise SpecError(STANDS_ON_ITSELF(here, name=name))

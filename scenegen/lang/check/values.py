@@ -113,7 +113,7 @@ class Value:
     origin: Span = field(compare=False)
     role: str = field(compare=False, default="")
 
-    def moved(self, origin: Span, role: str = "") -> Value:
+    def with_origin(self, origin: Span, role: str = "") -> Value:
         """The same value, written elsewhere."""
         return replace(self, origin=origin, role=role)
 
@@ -123,7 +123,7 @@ class ObjectValue(Value):
     kind: ClassVar[str] = "an object"
     index: int
 
-    def moved(self, origin: Span, role: str = "") -> Value:
+    def with_origin(self, origin: Span, role: str = "") -> Value:
         return ObjectValue(self.index, origin=origin, role=role)  # replace() costs ten times as much
 
 
@@ -210,7 +210,7 @@ class NumberValue(Value):
     node: int
     unit: Unit = BARE
 
-    def moved(self, origin: Span, role: str = "") -> Value:
+    def with_origin(self, origin: Span, role: str = "") -> Value:
         return NumberValue(self.node, self.unit, origin=origin, role=role)
 
 
@@ -222,7 +222,7 @@ class FormulaValue(Value):
     node: int
     named: bool = False
 
-    def moved(self, origin: Span, role: str = "") -> Value:
+    def with_origin(self, origin: Span, role: str = "") -> Value:
         return FormulaValue(self.node, self.named, origin=origin, role=role)
 
 

@@ -169,7 +169,7 @@ class CoreBuilder:
         known = self._index.get((index, axis))
         return self._add(Coord(index, axis), (index, axis)) if known is None else known
 
-    def before(self, index: int, axis: int) -> int:
+    def previous_coord(self, index: int, axis: int) -> int:
         """The coordinate of an object at the moment before; at the first moment, at that one."""
         return self.coord(self.moving + index, axis)
 
@@ -240,7 +240,7 @@ class CoreBuilder:
             self._sides[known] = lower, upper
         return known
 
-    def remarked(self, index: int, remark: str) -> int:
+    def add_remark(self, index: int, remark: str) -> int:
         """An atom with a remark at the end of its text."""
         atom = self.nodes[index]
         assert isinstance(atom, Atom)
@@ -286,12 +286,12 @@ class CoreBuilder:
                 stack.extend(waiting)
                 continue
             stack.pop()
-            turned = self._turned(node, [self._negation[part] for part in below])
+            turned = self._negate_node(node, [self._negation[part] for part in below])
             self._negation[top] = turned
             self._negation.setdefault(turned, top)
         return self._negation[formula]
 
-    def _turned(self, node: Node, parts: Sequence[int]) -> int:
+    def _negate_node(self, node: Node, parts: Sequence[int]) -> int:
         """The negation of a formula whose parts have the negations `parts`."""
         if isinstance(node, Everywhere):
             return self.everywhere(not node.holds)

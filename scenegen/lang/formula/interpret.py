@@ -23,7 +23,7 @@ from scenegen.geometry import MATH, NUMPY, PRIMITIVES, Namespace
 from scenegen.geometry.footprint import Circle, Footprint, measures
 from scenegen.geometry.namespace import turning
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node, children, last_uses
-from scenegen.pose import FLAT, PLACE, THETA, along, owner
+from scenegen.pose import FLAT, PLACE, THETA, owner, rows_along
 
 # The least of many gaps, of which only those are computed that can be the least.
 #
@@ -356,7 +356,7 @@ def evaluate(
     value, which is faster in many scenes; `find_groups` prepares it for many runs."""
     many = namespace is NUMPY and np.ndim(rows[0]) == 1 and len(rows[0]) >= SEVERAL
     if namespace is not MATH:
-        namespace = turning(namespace, rows[along(THETA)])
+        namespace = turning(namespace, rows[rows_along(THETA)])
     if needed is not None and many:
         groups = needed if isinstance(needed, GapMinima) else find_groups(core, needed)
         if groups.skipped:

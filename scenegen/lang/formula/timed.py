@@ -310,7 +310,7 @@ class TimedValues:
         return {name: self.values[node] for name, node in self.timed.labels.items()}
 
     @property
-    def required(self) -> Array | None:
+    def requirement(self) -> Array | None:
         """What is required, at every moment, (T + 1,): met where it is >= 0. None where nothing is."""
         return None if self.timed.requirement is None else self.values[self.timed.requirement]
 

@@ -115,12 +115,12 @@ class CpuBudget(Budget):
     firm: bool = True
 
     @property
-    def spent(self) -> bool:
+    def is_spent(self) -> bool:
         return time.process_time() - self.began >= self.allowed or time.monotonic() >= self.ends
 
     @property
     def overdrawn(self) -> bool:
-        return self.spent if self.firm else time.monotonic() >= self.ends + GRACE_SECONDS
+        return self.is_spent if self.firm else time.monotonic() >= self.ends + GRACE_SECONDS
 
     def portion(self, seconds: float) -> CpuBudget:
         """A part of what is left."""

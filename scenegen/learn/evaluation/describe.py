@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenegen.errors import quoted
+from scenegen.errors import quote_names
 
 if TYPE_CHECKING:
     from scenegen.learn.model import Model
@@ -111,7 +111,7 @@ def _settings(values: Any) -> str:
 def _name_list(names: list[str]) -> str:
     more = f" and {len(names) - MAX_LISTED} more" if len(names) > MAX_LISTED else ""
     return (
-        f"{quoted(names[:MAX_LISTED])}{more}"
+        f"{quote_names(names[:MAX_LISTED])}{more}"
         if not more
         else ", ".join(f"`{name}`" for name in names[:MAX_LISTED]) + more
     )

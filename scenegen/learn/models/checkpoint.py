@@ -397,7 +397,7 @@ class TrainedModel:
             raise DataError(ARRAY_NOT_FINITE(what="the model's output", remedy=remedy))
         return rows
 
-    def mixed(
+    def mix(
         self, rows: Tensor, ends: tuple[Tensor, Tensor], box: tuple[Array, Array], seed: int, stop: Stop = NEVER
     ) -> Tensor:
         """See scenegen.sampling.proposer."""

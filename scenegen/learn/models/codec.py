@@ -18,7 +18,7 @@ from torch import Tensor
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.robustness.deciding import deciding_atoms
-from scenegen.pose import LENGTHS, THETA, TWO_PI, X, along, row_of
+from scenegen.pose import LENGTHS, THETA, TWO_PI, X, row_of, rows_along
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +41,8 @@ class Codec:
             for low, high, part, share in self._groups(axis, rows, unit):
                 torch.sub(part, low, out=share)
                 share /= high - low
-        turns = rows[along(THETA)] / TWO_PI
-        unit[along(THETA)] = _wrap(turns - turns.floor(), 1.0)
+        turns = rows[rows_along(THETA)] / TWO_PI
+        unit[rows_along(THETA)] = _wrap(turns - turns.floor(), 1.0)
         return unit.clamp_(0.0, 1.0).T.contiguous()
 
     def decode(self, x: Tensor) -> Tensor:
@@ -55,14 +55,14 @@ class Codec:
             for low, high, part, _ in self._groups(axis, rows, rows):
                 part.mul_(high - low).add_(low)
                 part.clamp_(*float_bounds(low, high, x.dtype))
-        rows[along(THETA)] = _wrap(rows[along(THETA)] * TWO_PI, TWO_PI)
+        rows[rows_along(THETA)] = _wrap(rows[rows_along(THETA)] * TWO_PI, TWO_PI)
         return rows
 
     def _groups(self, axis: int, rows: Tensor, other: Tensor) -> Iterator[tuple[float, float, Tensor, Tensor]]:
         """The range along an axis with the rows in it: all at once, or object by object where some have their own."""
         if not self.workspace.own:
             low, high = self.workspace.ranges[axis]
-            yield low, high, rows[along(axis)], other[along(axis)]
+            yield low, high, rows[rows_along(axis)], other[rows_along(axis)]
             return
         lowest, highest = self.workspace.ends(axis, self.objects)
         for which, (low, high) in enumerate(zip(lowest.tolist(), highest.tolist(), strict=True)):

@@ -25,7 +25,7 @@ from scenegen.learn.models.card import depends_on
 from scenegen.learn.refine import limit_step, newton
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.robustness.deciding import Slopes
-from scenegen.pose import PLACE, SIZE, THETA, TWO_PI, X, Y, along, axis_of, owner, row_of
+from scenegen.pose import PLACE, SIZE, THETA, TWO_PI, X, Y, axis_of, owner, row_of, rows_along
 from scenegen.search.effort import NEVER, Stop
 
 # Random moves that leave phi where it is: they bring scenes nearer to the truth, whatever the network made of them.
@@ -70,7 +70,7 @@ class McmcMoves:
         low, high = (torch.from_numpy(ends).to(torch.float32)[:, None] for ends in box or spec.box())
         self._low, self._high, self._size = low[:, 0], high[:, 0], (high - low)[:, 0]
         self._turns = torch.zeros(len(low), dtype=torch.bool)
-        self._turns[along(THETA)] = True
+        self._turns[rows_along(THETA)] = True
         self._rows = torch.tensor([row for row in depends_on(spec.core) if float(self._size[row]) > 0.0])
         where = [owner(row) for row in self._rows.tolist() if axis_of(row) in PLACE]
         # objects whose place matters; the number of a switch is moved by itself alone
@@ -228,7 +228,7 @@ CORRECTED_AT_ONCE = (
 )
 MOVED_AT_ONCE = 16_384  # scenes that are moved at a time: they and the values of the formula stay in cache
 
-THETA_ROWS = along(THETA)
+THETA_ROWS = rows_along(THETA)
 
 Make = Callable[[Tensor, torch.Generator, Tensor | None, Stop], tuple[Tensor, Tensor | None]]
 """Wanted phi (L, B), NaN where a label is free, and branches (B,) or None -> scenes (3N, B) in metres and radians, and

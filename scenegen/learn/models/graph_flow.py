@@ -83,15 +83,15 @@ class Rounds(nn.Module):
         """Objects change in the first `objects` of the rounds, atoms and junctions in all."""
         super().__init__()
 
-        def each(count: int, *widths: int) -> nn.ModuleList:
+        def mlps(count: int, *widths: int) -> nn.ModuleList:
             return nn.ModuleList(mlp(*widths) for _ in range(count))
 
-        self.to_atom = each(rounds, width, width)
-        self.junction = each(rounds, 2 * width, width, width)
-        self.atom = each(rounds, 3 * width, width, width)
+        self.to_atom = mlps(rounds, width, width)
+        self.junction = mlps(rounds, 2 * width, width, width)
+        self.atom = mlps(rounds, 3 * width, width, width)
         self.atom_norm = nn.ModuleList(nn.LayerNorm(width) for _ in range(rounds))
-        self.to_object, self.from_atom = each(objects, width, width), each(objects, width, width)
-        self.object = each(objects, 2 * width, width, width)
+        self.to_object, self.from_atom = mlps(objects, width, width), mlps(objects, width, width)
+        self.object = mlps(objects, 2 * width, width, width)
         self.object_norm = nn.ModuleList(nn.LayerNorm(width) for _ in range(objects))
 
     def forward(
@@ -104,15 +104,15 @@ class Rounds(nn.Module):
         to_junction = under / under.sum(1, keepdim=True).clamp_min(1.0)
         from_junction = under.T / under.sum(0)[:, None].clamp_min(1.0)
 
-        def mixed(means: Tensor, source: Tensor) -> Tensor:
+        def average(means: Tensor, source: Tensor) -> Tensor:
             return (means @ source.reshape(len(source), -1)).view(len(means), *source.shape[1:])
 
         for number in range(len(self.atom)):
             sent = self.to_atom[number](things).index_select(0, thing) + ties
             heard = pool_sum(silu(sent), atom, graph.atoms)
-            mean = mixed(to_junction, atoms)
+            mean = average(to_junction, atoms)
             junctions = junctions + self.junction[number](torch.cat([junctions, mean], -1))
-            above = mixed(from_junction, junctions)
+            above = average(from_junction, junctions)
             atoms = self.atom_norm[number](atoms + self.atom[number](torch.cat([atoms, heard, above], -1)))
             if number == len(self.object):
                 break

@@ -74,7 +74,7 @@ def _clip(a: Tensor, lowest: float, highest: float) -> Tensor:
     return a.clamp(lowest, highest)
 
 
-def _beyond(a: Tensor, half: float) -> Tensor:
+def _excess(a: Tensor, half: float) -> Tensor:
     return a - a.clamp(-half, half)
 
 
@@ -99,7 +99,7 @@ class _TorchNamespace:
     hypot = staticmethod(_hypot)
     atan2 = staticmethod(_atan2)
     clip = staticmethod(_clip)
-    beyond = staticmethod(_beyond)
+    excess = staticmethod(_excess)
     copysign = staticmethod(_copysign)
     where = staticmethod(_where)
 

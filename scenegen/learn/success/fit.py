@@ -52,7 +52,7 @@ class TaskFit(FileModel):
     model: Logistic
     held_out: HeldOut | None
 
-    def predicted(self, spec: CheckedSpec, rows: Array) -> Array:
+    def predict(self, spec: CheckedSpec, rows: Array) -> Array:
         """The success rate in scenes with the rows of the spec's core, (3M, B) -> (B,)."""
         features, values = measure_features(spec, self.success, rows)
         return self.model([one.name for one in features], values)
@@ -104,4 +104,4 @@ class Fit(FileModel):
     def predict(self, scenes: SceneSet) -> Array:
         """The success rate that is predicted at each of n scenes, (n,). Raises RequestError for scenes of others."""
         spec = scenes.header.spec.checked_spec
-        return self.task_of(spec).predicted(spec, rows_of(spec, scenes))
+        return self.task_of(spec).predict(spec, rows_of(spec, scenes))

@@ -38,7 +38,7 @@ class Predicted(Selection):
     def draw(self, k: int) -> Piece:
         piece = self.plan.draw(k)
         inside = np.flatnonzero(piece.cell >= 0)
-        rate = self.fit.predicted(self.problem.spec, piece.rows[:, inside])
+        rate = self.fit.predict(self.problem.spec, piece.rows[:, inside])
         kept = inside[(rate >= self.low) & (rate <= self.high)]
         facts = np.concatenate([[len(inside), len(kept), rate.sum()], piece.facts])
         return Piece(piece.rows[:, kept], piece.phi[:, kept], piece.cell[kept], facts)
@@ -57,7 +57,7 @@ class Predicted(Selection):
 
     def check(self, rows: Array, phi: Array) -> None:
         self.plan.check(rows, phi)
-        rate = self.fit.predicted(self.problem.spec, rows)
+        rate = self.fit.predict(self.problem.spec, rows)
         if not ((rate >= self.low - PHI_TOLERANCE) & (rate <= self.high + PHI_TOLERANCE)).all():
             raise AssertionError("a sampler returned a scene whose predicted success is out of the range")
 

@@ -114,12 +114,12 @@ class Gathering:
     def save(self, *, long_ones: bool = False) -> int:
         """Write the file, if there is one and something in it; `long_ones`: only if that took long. Returns how many
         scenes it has. Raises OutputError."""
-        if long_ones and self.spent < SAVE_EVERY:
+        if long_ones and self.seconds_spent < SAVE_EVERY:
             return 0
         count = sum(one.rows.shape[1] for one in self._batches.values())
         if self.path is not None and self._changed and count:
             facts = {key: (one.pieces, one.whole, one.seconds) for key, one in self._batches.items()}
-            card = _Progress(run=self._run, spent=self.spent, batches=facts)
+            card = _Progress(run=self._run, spent=self.seconds_spent, batches=facts)
             tensors = {key: torch.from_numpy(one.rows) for key, one in self._batches.items()}
             write_whole(self.path, pack(GATHERED_FORMAT, card.model_dump_json(), tensors))
             self._saved_at, self._changed = time.monotonic(), False
@@ -131,24 +131,24 @@ class Gathering:
             self.path.unlink(missing_ok=True)
 
     @property
-    def spent(self) -> float:
+    def seconds_spent(self) -> float:
         """Seconds of CPU that gathering has taken."""
         return self._before + time.process_time() - self._began
 
     @property
     def seconds_left(self) -> float:
         """Seconds of CPU that gathering may still take."""
-        return max(0.0, GATHER_SECONDS - self.spent)
+        return max(0.0, GATHER_SECONDS - self.seconds_spent)
 
     def allow(self, share: float, kept: float = 0.0) -> None:
         """From now on budgets are spent after that share of what is left, but for `kept` seconds."""
-        self._allowed = self.spent + max(MIN_BATCH_SECONDS, share * (self.seconds_left - kept))
+        self._allowed = self.seconds_spent + max(MIN_BATCH_SECONDS, share * (self.seconds_left - kept))
 
     @property
     def overdrawn(self) -> bool:
         """Whether what was allowed is spent; checks."""
         self.check()
-        return self.spent >= self._allowed
+        return self.seconds_spent >= self._allowed
 
     def note(self, problem: Diagnostic) -> None:
         """Something worth saying."""
@@ -197,9 +197,9 @@ class _GatheringBudget(Budget):
         return math.inf if self.gathering is None else self.gathering.until
 
     @property
-    def spent(self) -> bool:
+    def is_spent(self) -> bool:
         return self.gathering is not None and self.gathering.overdrawn
 
     @property
     def overdrawn(self) -> bool:
-        return self.spent
+        return self.is_spent

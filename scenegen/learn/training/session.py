@@ -31,7 +31,7 @@ from scenegen.learn.models.registry import model_class, parse_hyper
 from scenegen.learn.training.config import DATASETS, TrainConfig
 from scenegen.learn.training.feed import Feed
 from scenegen.learn.training.state import Stream, TrainingState, save_state, state_path, stream
-from scenegen.pose import ANGLES, LENGTHS, TWO_PI, along
+from scenegen.pose import ANGLES, LENGTHS, TWO_PI, rows_along
 from scenegen.resources import __version__
 from scenegen.scenes.data import WorkspaceData
 from scenegen.scenes.files import write_whole
@@ -76,8 +76,8 @@ def validate(
 
 def _points(x: Tensor) -> Tensor:
     """Unit coordinates (B, 3N) -> (B, 4N): positions, and headings on a circle with the circumference 1."""
-    turns = [x[:, along(axis)] * TWO_PI for axis in ANGLES]
-    places = [x[:, along(axis)] for axis in LENGTHS]
+    turns = [x[:, rows_along(axis)] * TWO_PI for axis in ANGLES]
+    places = [x[:, rows_along(axis)] for axis in LENGTHS]
     return torch.cat([*places, *(function(turn) / TWO_PI for function in (torch.cos, torch.sin) for turn in turns)], 1)
 
 

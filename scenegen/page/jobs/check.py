@@ -65,7 +65,7 @@ def check(message: dict[str, Any]) -> Iterator[Any]:
     """First what the spec is about (None where it is wrong), then its meshes where the message says which ones the page
     has, then its problems as a language server puts them."""
     page = page_of(message)
-    found = page.document.checked
+    found = page.document.check_result
     described = None
     if isinstance(found, CheckedSpec):
         try:

@@ -175,4 +175,4 @@ class Trees:
 @lru_cache(maxsize=2)
 def trees_of(spec: Spec) -> Trees:
     """The formulas of a spec."""
-    return Trees(Outline(spec), len(spec.objects))
+    return Trees(Outline(spec.checked), len(spec.objects))

@@ -78,7 +78,7 @@ def reasons(spec: Spec, motion: Array, *, everything: bool = True) -> dict[str, 
     values = trees.values(scored)
     at = trees.moments(scored, values)
     labels = [*spec.labels, *([REQUIRE] if timed_of(spec).requirement is not None else [])]
-    signals = {**scored.signals, **({} if scored.required is None else {REQUIRE: scored.required})}
+    signals = {**scored.signals, **({} if scored.requirement is None else {REQUIRE: scored.requirement})}
     shapes = [thing.shape for thing in stage_of_spec(spec).things]
     return {
         "signals": {name: row.tolist() for name, row in signals.items()},

@@ -212,7 +212,7 @@ def scenes_data(spec: Spec, found: SceneSet) -> dict[str, Any]:
 def _model_of(path: str, spec: Spec) -> Model:
     """The model of a spec; in a folder of models, that of its numbers of things. Raises RequestError where it is of
     another spec."""
-    each = {one.spec.definition.sha256: one for _, one in _model(path).each}
+    each = {one.spec.definition.sha256: one for _, one in _model(path).members}
     if spec.checked.sha256 not in each:
         raise RequestError(ANOTHER_SPEC())
     return each[spec.checked.sha256]

@@ -24,7 +24,7 @@ from scenegen.lang.formula.core import REQUIRE, Atom, Core, Junction, gate, part
 from scenegen.lang.formula.interpret import evaluate
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import THETA, along, as_poses, object_count, row_count, span_of, wrap_heading
+from scenegen.pose import THETA, as_poses, object_count, row_count, rows_along, span_of, wrap_heading
 from scenegen.scenes.data import RequestData
 from scenegen.search import spec_bounds
 
@@ -148,7 +148,7 @@ def approach(
         jacobian = gradients(core, row, shares, moving, SHIFT * scale) * scale[moving]
         shift = _newton(jacobian, (target - phi)[off], SOFT_DAMPING if soft else HARD_DAMPING)
         row[moving] += scale[moving] * shift
-        row[along(THETA)] = wrap_heading(np, row[along(THETA)])
+        row[rows_along(THETA)] = wrap_heading(np, row[rows_along(THETA)])
         row[moving] = np.clip(row, lowest, highest)[moving]
     return row
 

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image as Images
 
-from scenegen.errors import RequestError, quoted
+from scenegen.errors import RequestError, quote_names
 from scenegen.errors.program import NO_EGL
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
 from scenegen.looks.camera import VIEWS
@@ -115,7 +115,7 @@ def check_request(views: tuple[str, ...], size: tuple[int, int], workers: int | 
     known = (*VIEWS, LOOK_VIEW) if looks else VIEWS
     views = as_words("views", views, '("top",)')
     if not views:
-        wanted = f"at least one view; there are {quoted(known)}"
+        wanted = f"at least one view; there are {quote_names(known)}"
         raise RequestError(WRONG_VALUE(argument="views", value="empty", wanted=wanted))
     for view in views:
         if view not in known:

@@ -12,7 +12,7 @@ from gymnasium import error
 
 from scenegen.api.spec import Spec, load, parse
 from scenegen.arrays import Array
-from scenegen.errors import ScenegenError, quoted
+from scenegen.errors import ScenegenError, quote_names
 from scenegen.errors.requests import MISSING_ARGUMENT, UNKNOWN_LABEL, WRONG_VALUE
 from scenegen.geometry import MATH, NUMPY
 from scenegen.lang.formula.core import Core, Junction, gate
@@ -62,7 +62,7 @@ def make_goal(spec: Spec, goal: str | Sequence[str] | None) -> Goal:
         if name not in spec.labels:
             raise gym_error(UNKNOWN_LABEL(name=name, known=spec.labels))
     if not wanted:
-        usage = f"a label, {quoted(spec.labels)}, or leave it out"
+        usage = f"a label, {quote_names(spec.labels)}, or leave it out"
         raise gym_error(WRONG_VALUE(argument="goal", value="empty", wanted=usage))
     if len(wanted) == 1:
         return Goal(spec, spec.labels, spec.labels.index(wanted[0]), len(spec.labels), wanted)
@@ -96,7 +96,7 @@ class Scorer:
         if len(self._cores) == 1:
             return self._score(self._cores[0], rows)
         found = np.full((len(self._members.specs[0].labels) + self.requires, rows.shape[1]), np.inf)
-        for member, which in self._members.of(rows):
+        for member, which in self._members.split(rows):
             values = self._score(self._cores[member], rows[self._members.rows[member][:, None], which])
             found[: len(values), which] = values  # a member that requires nothing leaves the last row infinite
         return found

@@ -15,7 +15,7 @@ from gymnasium import error
 from scenegen.api.scenes import Scene
 from scenegen.api.spec import Spec
 from scenegen.arrays import Array
-from scenegen.errors import quoted
+from scenegen.errors import quote_names
 from scenegen.errors.files import OTHER_OBJECTS, OTHER_SURFACE
 from scenegen.errors.learning import NOT_A_TASK, NOT_POSES
 from scenegen.errors.requests import (
@@ -32,7 +32,7 @@ from scenegen.lang.spec import CheckedSpec, rows_among
 from scenegen.play.environments.goal import Goal
 from scenegen.play.environments.gym_errors import as_gym_errors, gym_error
 from scenegen.play.tasks import PhiBox
-from scenegen.pose import NAMES, SIZE, THETA, TWO_PI, X, along, row_count, row_of, wrap_heading
+from scenegen.pose import NAMES, SIZE, THETA, TWO_PI, X, row_count, row_of, rows_along, wrap_heading
 from scenegen.sampling.request import BAND_HALF_WIDTH, Range
 from scenegen.scenes.arrange import check_scenes
 from scenegen.scenes.data import Pose, RestingPose, SceneData
@@ -177,10 +177,10 @@ def read_scene(spec: Spec, scene: object) -> Array:
     missing = [name for name in checked.objects if name not in poses]
     extra = [str(name) for name in poses if name not in checked.objects]
     if missing or extra:
-        what = f"lacks {quoted(missing)}" if missing else f"has {quoted(extra)}"
+        what = f"lacks {quote_names(missing)}" if missing else f"has {quote_names(extra)}"
         raise gym_error(OTHER_OBJECTS(scene=f"a scene that {what}", wanted=checked.objects))
     rows = np.array([_pose(name, poses[name]) for name in checked.objects]).ravel()
-    rows[along(THETA)] = wrap_heading(np, rows[along(THETA)])
+    rows[rows_along(THETA)] = wrap_heading(np, rows[rows_along(THETA)])
     for index, pose in checked.fixed.items():
         if abs(math.remainder(rows[row_of(index, THETA)] - pose[THETA], TWO_PI)) < 1e-9:
             rows[row_of(index, THETA)] = pose[THETA]
@@ -225,7 +225,7 @@ def _pose(name: str, pose: Any) -> tuple[float, float, float]:
     if isinstance(pose, Mapping):
         extra = [str(key) for key in pose if key not in (*NAMES, "on")]
         if extra:
-            raise gym_error(NOT_A_POSE(name=name, value=f"one with {quoted(extra)}"))
+            raise gym_error(NOT_A_POSE(name=name, value=f"one with {quote_names(extra)}"))
         pose = pose.get("x"), pose.get("y"), pose.get("theta", 0.0)
     if isinstance(pose, str | bytes):  # "123" would do
         raise gym_error(NOT_A_POSE(name=name, value=repr(pose)))

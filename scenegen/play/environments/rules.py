@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from scenegen.api.spec import Spec
 from scenegen.arrays import Array
-from scenegen.errors import RequestError, quoted
+from scenegen.errors import RequestError, quote_names
 from scenegen.errors.requests import CHOICES_NOT_HERE, TIME_NOT_HERE, WRONG_VALUE
 from scenegen.lang.formula.core import Coord, part_of
 from scenegen.lang.spec import chosen_options
@@ -155,10 +155,10 @@ def _refuse_surfaces(target: Goal) -> None:
     column = next((k for k in range(good.shape[1]) if set(begun[:, k]) - set(good[:, k])), None)
     which = list(spec.choices)[column or 0]
     if column is None:
-        name, where = quoted([spec.objects[one] for one in spec.choices]), "together on such surfaces"
+        name, where = quote_names([spec.objects[one] for one in spec.choices]), "together on such surfaces"
     else:
         options = spec.choices[which].options
-        name, where = f"`{spec.objects[which]}`", quoted([options[k].name for k in sorted(set(good[:, column]))])
+        name, where = f"`{spec.objects[which]}`", quote_names([options[k].name for k in sorted(set(good[:, column]))])
     found = f"in {SURFACE_SCENES} scenes that satisfy `{label}`, {name} " + (
         f"never stand {where} as in {lost:.0%} of the starts" if column is None else f"is always on {where}"
     )
@@ -176,5 +176,5 @@ def _refuse_idle(target: Goal, move: object, rows: npt.NDArray[np.intp]) -> None
     }
     decide = [name for name in spec.objects if name in read]
     if read.isdisjoint(spec.objects[owner(row)] for row in rows.tolist()):
-        wanted = f"an object that phi of `{label}` depends on: {quoted(decide)}" if decide else "another goal"
+        wanted = f"an object that phi of `{label}` depends on: {quote_names(decide)}" if decide else "another goal"
         raise gym_error(WRONG_VALUE(argument="move", value=repr(move), wanted=wanted))

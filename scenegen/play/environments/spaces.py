@@ -13,7 +13,7 @@ import numpy.typing as npt
 from gymnasium import Space, error, spaces
 
 from scenegen.arrays import Array
-from scenegen.errors import quoted
+from scenegen.errors import quote_names
 from scenegen.errors.learning import NOTHING_TO_MOVE, WRONG_ACTION
 from scenegen.errors.requests import CANNOT_BE_HELD, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
 from scenegen.geometry import PRIMITIVES, Circle
@@ -145,7 +145,7 @@ def make_moves(
 def _movable(spec: CheckedSpec, move: str | Sequence[str] | None) -> list[int]:
     free = [index for index in range(len(spec.objects)) if index not in spec.fixed]
     if not free:
-        what = f"`at` holds {quoted(spec.objects)} in place" if spec.objects else "the spec has no objects"
+        what = f"`at` holds {quote_names(spec.objects)} in place" if spec.objects else "the spec has no objects"
         raise gym_error(NOTHING_TO_MOVE(reason=what))
     if move is None:
         return free

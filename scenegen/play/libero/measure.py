@@ -41,7 +41,7 @@ class Floor:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class JointPart:
     """A joint of a fixture: its address in qpos, its range, and its lever: metres that the part travels for one unit
     of the joint, 1 of a drawer."""
 
@@ -280,7 +280,7 @@ class LiveModel:
             found.append(float(middle[axis] + sign * far))
         return found[0], found[1], found[2], found[3]
 
-    def _parts(self) -> dict[str, Part]:
+    def _parts(self) -> dict[str, JointPart]:
         found = {}
         for joint in range(self.model.njnt):
             body = self.model.jnt_bodyid[joint]
@@ -295,10 +295,10 @@ class LiveModel:
                 lever = round(max(float(np.linalg.norm(arms, axis=1).max(initial=0.0)), 0.01), 3)
             low, high = map(float, self.model.jnt_range[joint])
             name = self.mj.mj_id2name(self.model, self.mj.mjtObj.mjOBJ_JOINT, joint)
-            found[name] = Part(name, int(self.model.jnt_qposadr[joint]), low, high, lever)
+            found[name] = JointPart(name, int(self.model.jnt_qposadr[joint]), low, high, lever)
         return found
 
-    def accepted_range(self, part: Part, holds: Callable[[float], bool]) -> tuple[float, float] | None:
+    def accepted_range(self, part: JointPart, holds: Callable[[float], bool]) -> tuple[float, float] | None:
         """The longest range of a joint that a predicate accepts, and in which the shapes of the fixture keep clear of
         one another; None where there is none."""
         grid = np.unique(np.concatenate([np.linspace(part.low, part.high, 401), np.linspace(-0.005, 0.005, 51)]))

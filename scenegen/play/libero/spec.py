@@ -24,7 +24,7 @@ from scenegen.geometry.footprint import Polygon, Rectangle
 from scenegen.planning.setting import enclosing
 from scenegen.planning.translation import grow, overlap
 from scenegen.play.frame import TableFrame, heading_of, upright
-from scenegen.play.libero.measure import Floor, LiveModel, Part, PrismShape, prism_of
+from scenegen.play.libero.measure import Floor, JointPart, LiveModel, PrismShape, prism_of
 
 Fact: TypeAlias = tuple[str, ...]  # a predicate and names
 Origin: TypeAlias = tuple[float, float, float]
@@ -56,7 +56,7 @@ class EnvironmentSpec:
     origin: Origin
     prisms: Prisms
     attitudes: Mapping[str, Array]
-    sliders: Mapping[str, Part]
+    sliders: Mapping[str, JointPart]
     facts: tuple[Fact, ...]
     tight: Mapping[str, str]
     ends: Mapping[str, Array]
@@ -124,7 +124,7 @@ class _Task:
         self.zones = {name: _box(one["ranges"][0]) for name, one in regions.items() if one["ranges"]}
         sites = getattr(live.env, "object_sites_dict", {})
         self.sites = {name: one for name, one in sites.items() if getattr(one, "parent_name", None)}
-        self.sliders: dict[str, Part] = {}
+        self.sliders: dict[str, JointPart] = {}
         self.tight: dict[str, str] = {}
         self.regions: list[str] = []  # statements
         self.require: list[str] = []
@@ -137,7 +137,7 @@ class _Task:
             self.stands[name] = prism, x, y, headings[name]
         self.moved = {one[1] for one in self.goal if one[0] in PLACE_PREDICATES}
 
-    def _goal_joints(self) -> dict[Fact, list[tuple[Part, tuple[float, float]]]]:
+    def _goal_joints(self) -> dict[Fact, list[tuple[JointPart, tuple[float, float]]]]:
         """The joints of the goal, each with the range that LIBERO accepts. A drawer into which the goal puts something
         is out, if it is not asked to be in."""
         wanted = [one for one in self.goal if one[0] in JOINTS]
@@ -150,7 +150,7 @@ class _Task:
                     wanted.append(out)
         return {one: self._accepted_range(one) for one in wanted}
 
-    def _joints(self, fact: Fact) -> list[Part]:
+    def _joints(self, fact: Fact) -> list[JointPart]:
         found = self.sites.get(fact[1]) or self.live.env.get_object(fact[1])
         return [self.live.parts[name] for name in found.joints]
 
@@ -158,7 +158,7 @@ class _Task:
         owner = self.live.env.get_object(getattr(self.sites.get(fact[1]), "parent_name", fact[1]))
         return bool(getattr(owner, JOINTS[fact[0]])(value))
 
-    def _accepted_range(self, fact: Fact) -> list[tuple[Part, tuple[float, float]]]:
+    def _accepted_range(self, fact: Fact) -> list[tuple[JointPart, tuple[float, float]]]:
         found = []
         for part in self._joints(fact):
             run = self.live.accepted_range(part, lambda value: self._holds(fact, value))
@@ -167,7 +167,7 @@ class _Task:
             found.append((part, run))
         return found
 
-    def _slider(self, part: Part) -> str:
+    def _slider(self, part: JointPart) -> str:
         """The object of a joint."""
         name = "".join(one if one.isalnum() and one.isascii() else "_" for one in part.name)
         if name not in self.sliders:
@@ -176,7 +176,7 @@ class _Task:
             self.sliders[name] = part
         return name
 
-    def _state(self, ranges: Iterable[tuple[Part, tuple[float, float]]]) -> list[str]:
+    def _state(self, ranges: Iterable[tuple[JointPart, tuple[float, float]]]) -> list[str]:
         """That joints are in ranges that LIBERO accepts, by 2 % of them."""
         texts = []
         for part, (low, high) in ranges:

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import Any, Literal
 
-from scenegen.errors import RequestError, quoted
+from scenegen.errors import RequestError, quote_names
 from scenegen.errors.requests import WRONG_VALUE
 from scenegen.needs import load_plugin, plugins
 from scenegen.resources import __version__
@@ -41,7 +41,7 @@ def check_name(role: Role, text: str) -> None:
     known = [] if ":" in text else sorted({*own, *plugins(ENTRY_POINT_GROUPS[role], role, own)})
     if text not in known:
         forms = "MODULE:NAME or FILE.py:NAME" + (", or http://HOST:PORT" if role == "policy" else "")
-        wanted = f"{forms}, or one of {quoted(known)}" if known else forms
+        wanted = f"{forms}, or one of {quote_names(known)}" if known else forms
         raise RequestError(WRONG_VALUE(argument=role, value=f"`{text}`", wanted=wanted))
 
 

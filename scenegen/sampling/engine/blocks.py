@@ -271,7 +271,9 @@ class RunProgress:
 
     def __post_init__(self) -> None:
         plan = self.plan
-        self.assembler = BlockAssembler(plan.reached, plan.wanted, plan.seed, self.size, plan.groups, plan.weights)
+        self.assembler = BlockAssembler(
+            plan.reached_cells, plan.scenes_wanted, plan.seed, self.size, plan.groups, plan.weights
+        )
 
     def follow(self, pieces: Iterator[Any], spent: Callable[[], bool], progress: Progress | None) -> Iterator[Any]:
         """The pieces, one after the other, until the run ends or its time is `spent`; `take` gets each."""
@@ -283,7 +285,7 @@ class RunProgress:
                 return
             yield piece
             if progress is not None:
-                progress(self.assembler.count, self.plan.wanted, self.assembler.candidates)
+                progress(self.assembler.count, self.plan.scenes_wanted, self.assembler.candidates)
             if spent():
                 return
 

@@ -70,7 +70,7 @@ class ShardWriter:
 
     def ready(self, block: Block) -> Block:
         """A block as files hold it, checked."""
-        if self.plan.verified:
+        if self.plan.is_verified:
             self.plan.check(block.rows, block.phi)
         found = block if self.stored is None else Block(self.stored(block.rows), block.phi)
         if self.ahead is not None:

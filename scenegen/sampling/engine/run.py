@@ -56,24 +56,24 @@ def in_memory(plan: Plan, budget: Budget, progress: Progress | None = None) -> S
     """The scenes of a plan, or as many as the budget allows: `shortfall` then says why. Raises what `run_blocks`
     raises, and AssertionError for a scene that fails the check."""
     labels = len(plan.problem.labels)
-    rows, phi = np.empty((plan.problem.rows, plan.wanted)), np.empty((labels, plan.wanted))
+    rows, phi = np.empty((plan.problem.rows, plan.scenes_wanted)), np.empty((labels, plan.scenes_wanted))
     count = 0
     with closing(plan):
-        run = run_blocks(plan, labels, workers=jobs(plan), spent=lambda: budget.spent, progress=progress)
+        run = run_blocks(plan, labels, workers=jobs(plan), spent=lambda: budget.is_spent, progress=progress)
         while True:
             try:
                 block = next(run)
             except StopIteration as end:
                 tally: Tally = end.value
                 break
-            if plan.verified:
+            if plan.is_verified:
                 plan.check(block.rows, block.phi)
             part = slice(count, count + block.count)
             rows[:, part], phi[:, part] = block.rows, block.phi
             count += block.count
         info, warnings = run_info(plan, tally)
         return SampledScenes(
-            rows[:, :count], phi[:, :count], info, warnings, shortfall_of_run(plan, tally, budget.spent)
+            rows[:, :count], phi[:, :count], info, warnings, shortfall_of_run(plan, tally, budget.is_spent)
         )
 
 
@@ -85,7 +85,7 @@ def resume_record(problem: Problem, versions: Mapping[str, str]) -> dict[str, ob
         "spec": problem.spec.sha256,
         "phi": {label: [phi.low, phi.high] for label, phi in request.phi.items()},
         "spread": request.spread,
-        "fix": {name: list(pose) for name, pose in problem.fixed.items()},
+        "fix": {name: list(pose) for name, pose in problem.fixed_poses.items()},
         "numpy": np.__version__,
         **versions,
     }

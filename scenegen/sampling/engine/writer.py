@@ -455,7 +455,7 @@ class _Run:
     def _can_end_a_shard(self, count: int) -> bool:
         """Whether a piece of so many candidates can complete a shard."""
         assembler = self.standing.assembler
-        end = min(self._done + self.manifest.shard_size, self.plan.wanted)
+        end = min(self._done + self.manifest.shard_size, self.plan.scenes_wanted)
         return assembler.count + count >= end
 
     def _moment(self, state: dict[str, object], waiting: Array) -> _Moment:
@@ -481,7 +481,7 @@ class _Run:
                 self.publish(wait=True)  # the shards before this one are kept
             raise
         self._count += places.shape[1]
-        if self._count >= self.manifest.shard_size or end == self.plan.wanted:
+        if self._count >= self.manifest.shard_size or end == self.plan.scenes_wanted:
             assert before is not None
             self._begin_shard(before)
 

@@ -19,7 +19,7 @@ from scenegen.geometry import NUMPY, PRIMITIVES, Footprint
 from scenegen.geometry.footprint import Box, Circle, Polygon, corners, edges, measures
 from scenegen.lang.formula.core import Coord, Core, Node, restrict
 from scenegen.lang.formula.interpret import Numbers, fold
-from scenegen.pose import FLAT, along
+from scenegen.pose import FLAT, rows_along
 from scenegen.sampling.growth.graph import Clause, Graph, Pair
 from scenegen.search.effort import Effort
 
@@ -85,8 +85,8 @@ def _span(footprint: Box | Polygon, cos: Array, sin: Array) -> tuple[Array, Arra
         x, y = half_length * cos + half_width * sin, half_length * sin + half_width * cos
         return -x, x, -y, y
     points = _rotated_corners(footprint, cos, sin)
-    along, across = [u for u, _ in points], [v for _, v in points]
-    return _lowest(along), -_lowest([-u for u in along]), _lowest(across), -_lowest([-v for v in across])
+    rows_along, across = [u for u, _ in points], [v for _, v in points]
+    return _lowest(rows_along), -_lowest([-u for u in rows_along]), _lowest(across), -_lowest([-v for v in across])
 
 
 def _rotated_corners(footprint: Box | Polygon, cos: Array, sin: Array) -> list[tuple[Array, Array]]:
@@ -266,7 +266,7 @@ def _drop_near(
             other, here = which[mine], column[mine]
             scene = here if columns is None else columns[here]
             if layer.fixed is None:
-                there = tuple(scenes[along(axis)][other, scene] for axis in FLAT)
+                there = tuple(scenes[rows_along(axis)][other, scene] for axis in FLAT)
             else:
                 there = tuple(layer.fixed[other, axis] for axis in FLAT)
             own = x[here], y[here], theta[here]
@@ -280,7 +280,7 @@ def _coordinates(layer: DistancePairs, axis: int, part: slice, scenes: Array, co
     """x (axis 0) or y (1) of some things at some columns, (m, B) or (m, 1)."""
     if layer.fixed is not None:
         return layer.fixed[part, axis, None]
-    rows = scenes[along(axis)][part]
+    rows = scenes[rows_along(axis)][part]
     return rows if columns is None else rows[:, columns]
 
 

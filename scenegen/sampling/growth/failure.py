@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from scenegen.arrays import Array
-from scenegen.errors import Diagnostic, RequestError, Span, quoted
+from scenegen.errors import Diagnostic, RequestError, Span, quote_names
 from scenegen.errors.requests import NO_ROOM, NO_TIME_TO_GROW, TABLE_TOO_FULL
 from scenegen.geometry import NUMPY, PRIMITIVES
 from scenegen.geometry.footprint import POINT
@@ -151,7 +151,7 @@ def _fullness(model: GrowthModel, thing: int) -> dict[str, Any]:
     things = [one for one, own in options.items() if set(own) <= set(mine) and bool(own) == bool(mine)]
     (left, right), (bottom, top) = spec.workspace.x, spec.workspace.y
     space = sum(area(one.outline) for one in mine) if mine else (right - left) * (top - bottom)
-    where = quoted([one.name for one in mine]) if mine else "the workspace"
+    where = quote_names([one.name for one in mine]) if mine else "the workspace"
     filled = sum(area(spec.shapes[one].footprint) for one in things) / space
     return {"standing": len(things), "filled": filled, "where": where}
 

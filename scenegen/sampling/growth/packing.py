@@ -17,7 +17,7 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from scenegen.arrays import Array
-from scenegen.errors import quoted
+from scenegen.errors import quote_names
 from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, corners, measures, standing_area
 from scenegen.lang.formula.core import Apply, Const, Coord
 from scenegen.lang.spec import CheckedSpec, Support, options_of
@@ -125,7 +125,7 @@ def _surfaces(spec: CheckedSpec, free: Collection[int]) -> Iterator[tuple[list[i
     options = {one: options_of(one, spec.supports, spec.choices) for one in sorted(free)}
     for surfaces in dict.fromkeys(filter(None, options.values())):
         things = [thing for thing, own in options.items() if own and set(own) <= set(surfaces)]
-        named = quoted([one.name for one in surfaces])
+        named = quote_names([one.name for one in surfaces])
         if len(things) > 1:
             parts = tuple((one.outline, one.walled) for one in surfaces)
             yield things, list(surfaces), SupportArea(f"on {named}", parts, named)

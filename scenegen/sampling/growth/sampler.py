@@ -216,7 +216,7 @@ class Growth(Plan):
         )
 
     @property
-    def reached(self) -> tuple[int, ...]:
+    def reached_cells(self) -> tuple[int, ...]:
         return self.recipe.cells
 
     @property
@@ -229,17 +229,17 @@ class Growth(Plan):
 
     @property
     def shared_by(self) -> int:
-        return self.recipe.pieces(self.wanted)
+        return self.recipe.pieces(self.scenes_wanted)
 
     @property
     def evaluations(self) -> float:
-        recipe, pieces = self.recipe, self.recipe.pieces(self.wanted)
+        recipe, pieces = self.recipe, self.recipe.pieces(self.scenes_wanted)
         grown = min(pieces, recipe.populations)
         return recipe.evaluations * grown + recipe.piece * (pieces - grown)
 
     @property
     def seconds(self) -> float:
-        recipe, pieces = self.recipe, self.recipe.pieces(self.wanted)
+        recipe, pieces = self.recipe, self.recipe.pieces(self.scenes_wanted)
         grown = min(pieces, recipe.populations)
         population, piece = recipe.seconds
         return population * (grown - 1) + piece * (pieces - grown)  # the first population is there

@@ -96,7 +96,7 @@ class MotionProblem:
         return (self.steps + 1) * row_count(len(self.names)) + self.steps
 
     @property
-    def fixed(self) -> dict[str, tuple[float, ...]]:
+    def fixed_poses(self) -> dict[str, tuple[float, ...]]:
         """The places of objects that the request fixes."""
         return {name: tuple(pose) for name, pose in self.request.fix.items() if not isinstance(pose, FixedPose)}
 

@@ -53,11 +53,11 @@ def columns(problem: MotionProblem, variables: Variables, poses: Array) -> Array
 @dataclass(frozen=True, slots=True, eq=False)
 class _MotionPlan(Plan):
     problem: MotionProblem  # type: ignore[assignment]  # see MotionProblem for what runs need of a problem
-    cells_reached: tuple[int, ...]
+    reachable: tuple[int, ...]
 
     @property
-    def reached(self) -> tuple[int, ...]:
-        return self.cells_reached
+    def reached_cells(self) -> tuple[int, ...]:
+        return self.reachable
 
     @np.errstate(all="ignore")
     def check(self, rows: Array, phi: Array) -> None:
@@ -87,11 +87,11 @@ class MotionRejection(_MotionPlan):
 
     @property
     def plan_digest(self) -> str:
-        return digest("motion rejection", self.cells_reached)
+        return digest("motion rejection", self.reachable)
 
     @property
     def evaluations(self) -> float:
-        return self.wanted / self.share
+        return self.scenes_wanted / self.share
 
     @property
     def batch(self) -> int:
@@ -147,7 +147,7 @@ class MotionSplitting(_MotionPlan):
     def evaluations(self) -> float:
         plan = self.schedule
         moves = sum(stage.moves for stage in plan.stages)
-        return float(plan.evaluations + max(self.fewest, -(-self.wanted // plan.chains)) * plan.chains * moves)
+        return float(plan.evaluations + max(self.fewest, -(-self.scenes_wanted // plan.chains)) * plan.chains * moves)
 
     @property
     def fact_count(self) -> int:
@@ -280,7 +280,7 @@ def plan_motions(problem: MotionProblem, budget: Budget, *, watch: Watch | None 
             facts = {"tried": "levels of motions", "undecided": cells.count, "cells": several}
             raise RequestError(NO_TIME_TO_TELL(**facts)) from None
     if plan is None:
-        raise RequestError(too_few_motions(0, request.n, budget.spent))
+        raise RequestError(too_few_motions(0, request.n, budget.is_spent))
     return plan
 
 

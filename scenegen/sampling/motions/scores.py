@@ -43,7 +43,7 @@ from scenegen.lang.formula.interpret import (
 from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.formula.timed import Numpy, Signal, Timed, TimeNode, over_time
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import PLACE, THETA, along, row_of, rows_of
+from scenegen.pose import PLACE, THETA, row_of, rows_along, rows_of
 from scenegen.sampling.motions.bounds import phi_bounds, step_bounds, without_step_bounds
 from scenegen.sampling.motions.problem import MAX_STATES_AT_ONCE, MotionProblem, cost, within_a_turn
 from scenegen.sampling.problem import doubts_of_fixed, hold_fixed
@@ -186,7 +186,7 @@ class _StateFormulas:
             some = np.concatenate([some, before])
         table = some.reshape(-1, len(self.moments) * count)
         rows, values = list(table), list[Any]()
-        namespace = turning(NUMPY, rows[along(THETA)])
+        namespace = turning(NUMPY, rows[rows_along(THETA)])
         groups = self.signs if signs else self.groups
         algebra: Numbers = Numbers(namespace, rows)
         if signs:

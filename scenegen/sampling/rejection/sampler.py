@@ -118,7 +118,7 @@ def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, m
         run = waiting.pop()
         if len(run) < MIN_RUN_CELLS:
             continue
-        if budget.spent:
+        if budget.is_spent:
             raise StoppedError
         stream = (problem.request.seed, REJECTION_PLAN_STREAM, run[0] + 1, run[-1] + 1)
         cover = make_cover(problem, _demand_of_run(problem, run), stream, effort, 0.0, RUN_COVER_WORK)
@@ -207,7 +207,7 @@ class Rejection(Plan):
         return digest("rejection", drawn, self.reachable, self.ruled_out, self.explored, self.draws)
 
     @property
-    def reached(self) -> tuple[int, ...]:
+    def reached_cells(self) -> tuple[int, ...]:
         return tuple(sorted(self.reachable))
 
     @property
@@ -225,7 +225,7 @@ class Rejection(Plan):
 
     @property
     def scenes_per_piece(self) -> float:
-        return SPARE_SCENES * self.wanted * self.candidates / max(self.expected, 1.0)
+        return SPARE_SCENES * self.scenes_wanted * self.candidates / max(self.expected, 1.0)
 
     @property
     def evaluations(self) -> float:
@@ -356,7 +356,7 @@ def _own_sources(
             if not optional and _hopeless(allowed, together, done, len(must)):
                 raise TooMuchError
             try:
-                if budget.spent:
+                if budget.is_spent:
                     raise StoppedError
                 mine = next(covers)
             except StoppedError:

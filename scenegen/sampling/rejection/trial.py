@@ -89,7 +89,7 @@ def search_longer(problem: Problem, trial: Trial, budget: Budget, most: float = 
     """
     rng = np.random.default_rng(np.random.SeedSequence([problem.request.seed, REJECTION_PLAN_STREAM, 0, 1]))
     hits, tried, stages = trial.hits.copy(), trial.tried, trial.stages
-    effort = Effort(lambda: budget.spent)
+    effort = Effort(lambda: budget.is_spent)
     while tried < LONG_SEARCH_CANDIDATES or (tried < most and not hits.any()):
         try:
             effort.check()

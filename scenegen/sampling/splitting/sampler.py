@@ -116,12 +116,12 @@ class _SceneDescent(Descent[Chains]):
         """The schedule. Raises StoppedError if time is up."""
         cells, labels, chains = self._problem.cells, tuple(self._problem.core.labels), self.chains
         if not self.reach(cells, [len(labels) - 1] if labels[-1] == REQUIRE else []):
-            return self.stall("time" if self._budget.spent else "range")
+            return self.stall("time" if self._budget.is_spent else "range")
         levels, reached = len(self.stages), frozenset({0})
         if cells.count > 1:
             for region, moves in even_out(chains, self._tuner):
                 self.stages.append(Stage(region, self._tuner.tuning(), moves))
-                if self._budget.spent:
+                if self._budget.is_spent:
                     return self.stall("time")
             assert chains.region.weights is not None
             reached = frozenset(map(int, np.flatnonzero(chains.region.weights)))
@@ -138,7 +138,7 @@ class _SceneDescent(Descent[Chains]):
         return self._tuner.tuning(), moves
 
     def is_over(self) -> bool:
-        return self._budget.spent or self.chains.evaluations > self._most
+        return self._budget.is_spent or self.chains.evaluations > self._most
 
     def stall(self, why: Literal["time", "range"]) -> SplittingStalled:
         evaluations = self.chains.evaluations + self._tuner.evaluations
@@ -167,7 +167,7 @@ class Splitting(Plan):
         return digest("splitting", Record("Schedule", (*values, {})))
 
     @property
-    def reached(self) -> tuple[int, ...]:
+    def reached_cells(self) -> tuple[int, ...]:
         return tuple(sorted(self.schedule.cells))
 
     @property
@@ -190,7 +190,7 @@ class Splitting(Plan):
         """How often all chains of a piece move, in all pieces; to begin counts as a move."""
         plan = self.schedule
         moves = sum(stage.moves for stage in plan.stages) + (SETTLE_FACTOR + plan.takes - 1) * plan.thinning
-        return max(MIN_PIECES, -(-self.wanted // (plan.chains * plan.takes))) * (1 + moves)
+        return max(MIN_PIECES, -(-self.scenes_wanted // (plan.chains * plan.takes))) * (1 + moves)
 
     @property
     def seconds(self) -> float:

@@ -195,7 +195,7 @@ class Patch:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Record:
+class SpecRecord:
     """What a scene file says of a world's scenes beside poses: the text of their `spec`, `phi` (scenes,) by label, the
     numbers of things and the assets of categories, which all its scenes share, and the names of `everything` that its
     scenes can have."""
@@ -222,7 +222,7 @@ class World:
     poses: Floats
     numbers: tuple[int, ...] = ()
     rest: Floats | None = None
-    record: Record | None = None
+    record: SpecRecord | None = None
     dressing: SceneLooks | None = None
 
     def tinted_bodies(self, dressed: SceneLook | None) -> tuple[Body, ...]:
@@ -348,7 +348,7 @@ def with_record(world: World, header: SceneFile, scenes: Block, labels: Sequence
             else:
                 counts[one.name] = number
     everything = tuple(one.name for one in header.objects)
-    return replace(world, record=Record(header.spec.source, phi, counts, assets, everything))
+    return replace(world, record=SpecRecord(header.spec.source, phi, counts, assets, everything))
 
 
 def _bodies(header: SceneFile, own: Own) -> tuple[Body, ...]:

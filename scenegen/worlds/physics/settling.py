@@ -198,14 +198,14 @@ class Settling(Selection):
 
     @property
     def scenes_per_piece(self) -> float:
-        return min(self.plan.scenes_per_piece, self._at_once * len(self.reached))
+        return min(self.plan.scenes_per_piece, self._at_once * len(self.reached_cells))
 
     @property
     def _at_once(self) -> int:
         """The number of scenes of a cell that a piece drops: 1.5 times the requested number, since some will not
         settle."""
-        cells = len(self.reached)
-        return max(MIN_CELL_DROPS, min(math.ceil(1.5 * self.wanted / cells), MAX_PIECE_DROPS // cells))
+        cells = len(self.reached_cells)
+        return max(MIN_CELL_DROPS, min(math.ceil(1.5 * self.scenes_wanted / cells), MAX_PIECE_DROPS // cells))
 
     def account(self, tally: Tally) -> Account:
         """The plan's own account, of scenes before they are dropped; a warning counts those that did not settle."""
@@ -229,14 +229,14 @@ class Settling(Selection):
         """Those of the first candidates of piece k in each cell that settle. Raises what `stop` raises."""
         found = self.plan.draw(k)
         full = self._full(k)
-        first = [np.flatnonzero(found.cell == cell)[: self._at_once] for cell in self.reached if cell not in full]
+        first = [np.flatnonzero(found.cell == cell)[: self._at_once] for cell in self.reached_cells if cell not in full]
         taken = np.sort(np.concatenate([np.empty(0, dtype=np.intp), *first]))
         spec, rows = self.problem.spec, found.rows[:, taken]
         poses = as_poses(self.problem.scenes(rows))
         settled = self._settler().settle(poses, levels(spec, rows), self.stop)
         kept = taken[settled.stays]
-        if self.wanted <= BLOCK:
-            self._memory.kept[k] = np.bincount(found.cell[kept], minlength=max(self.reached) + 1)
+        if self.scenes_wanted <= BLOCK:
+            self._memory.kept[k] = np.bincount(found.cell[kept], minlength=max(self.reached_cells) + 1)
         counts = [len(taken), len(taken) - len(kept), *settled.moved.sum(axis=0)]
         facts = np.concatenate([np.array(counts, dtype=np.float64), found.facts])
         return Piece(found.rows[:, kept], found.phi[:, kept], found.cell[kept], facts)
@@ -245,7 +245,9 @@ class Settling(Selection):
         """The cells that have their share from pieces before k, as far as this process drew them. None if not all
         scenes fit into the runner's memory at once: it then discards some, and takes others later."""
         before: Any = sum(kept for piece, kept in self._memory.kept.items() if piece < k)
-        return set(np.flatnonzero(np.atleast_1d(before) >= math.ceil(self.wanted / len(self.reached))).tolist())
+        return set(
+            np.flatnonzero(np.atleast_1d(before) >= math.ceil(self.scenes_wanted / len(self.reached_cells))).tolist()
+        )
 
     def _settler(self) -> Settler:
         memory, spec = self._memory, self.problem.spec

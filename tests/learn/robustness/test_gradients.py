@@ -213,7 +213,7 @@ def test_steps_and_requirements():
     scored = score_trajectory(spec, poses)
     assert (scored.decides("task").atom.text, scored.decides("task").moment) == ("moved(a, 0.1)", 2)
     assert np.isclose(scored.phi["task"], 0.3)
-    assert np.isclose(scored.required.min(), 0.1)
+    assert np.isclose(scored.requirement.min(), 0.1)
     atom, moment = scored.decides(None)
     assert (atom.text, moment) == ("0 <= x(a)", 0) or (atom.text, moment) == ("x(a) >= 0", 0)
     run = spec.trace_robustness()

@@ -281,7 +281,7 @@ def motions():
 
 
 def test_without_pyav_one_sentence_says_what_to_install(motions, tmp_path, monkeypatch):
-    monkeypatch.setattr(needs, "found", lambda package: package != "av")
+    monkeypatch.setattr(needs, "is_installed", lambda package: package != "av")
     for draw in (lambda: motions.animate(tmp_path / "x.mp4", 1), lambda: motions.figures(tmp_path / "all", "mp4")):
         with pytest.raises(scenegen.RequestError, match=r"av is needed for MP4 files, and is not installed") as error:
             draw()

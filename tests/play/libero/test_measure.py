@@ -209,7 +209,7 @@ def test_files_of_a_task(tmp_path):
 
 
 def test_without_libero_the_message_says_what_to_install(monkeypatch):
-    monkeypatch.setattr("scenegen.needs.found", lambda package: False)
+    monkeypatch.setattr("scenegen.needs.is_installed", lambda package: False)
     with pytest.raises(RequestError) as error:
         tasks_of("libero_spatial")
     assert error.value.diagnostics[0].code == "not-installed"

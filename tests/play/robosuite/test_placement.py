@@ -223,6 +223,6 @@ def test_frames_and_quaternions():
 
 def test_a_strategy_without_gymnasium_says_what_to_install(monkeypatch):
     lessons = strategy("uniform", PhiBox((-0.1,), (0.0,)), np.random.default_rng(0))
-    monkeypatch.setattr("scenegen.needs.found", lambda package: False)
+    monkeypatch.setattr("scenegen.needs.is_installed", lambda package: False)
     with pytest.raises(RequestError, match=r"not-installed.*\n.*scenegen-dsl\[rl\]"):
         placement(lessons)

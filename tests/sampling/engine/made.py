@@ -31,7 +31,7 @@ SHA = hashlib.sha256(SOURCE.encode()).hexdigest()
 class Made:
     """phi in -0.9:0.9, rare at its ends; `objects` times 3 coordinates; piece k has a size of its own."""
 
-    wanted: int
+    scenes_wanted: int
     seed: int = 0
     objects: int = 2
     size: int = 1500
@@ -40,18 +40,18 @@ class Made:
     plan_digest: str = "plan"
     fewest: int = 1
     patience: int | None = None
-    verified: bool = False
+    is_verified: bool = False
     cells: Cells = field(init=False)
-    reached: tuple[int, ...] = field(init=False)
+    reached_cells: tuple[int, ...] = field(init=False)
 
     def __post_init__(self):
         cells = cut(SampleRequest({"task": Range(self.low, 0.9)}, spread=self.spread), ("task",))
         object.__setattr__(self, "cells", cells)
-        object.__setattr__(self, "reached", tuple(range(cells.count)))
+        object.__setattr__(self, "reached_cells", tuple(range(cells.count)))
 
     @property
     def groups(self):
-        return (self.reached,)
+        return (self.reached_cells,)
 
     @property
     def problem(self):
@@ -72,14 +72,14 @@ def header_of(made, facts=None):
         workspace=WorkspaceData(x=(0.0, 1.0), y=(0.0, 1.0)),
         objects=[ObjectData(name=name, shape=shape) for name in names],
         sampler={"method": "made", "seed": made.seed, **(facts or {})},
-        request=RequestData(phi={"task": (made.low, 0.9)}, n=made.wanted, spread=made.spread),
+        request=RequestData(phi={"task": (made.low, 0.9)}, n=made.scenes_wanted, spread=made.spread),
         scenes=[],
     )
 
 
 def request_of(made):
     request = {"spec": SHA, "low": made.low, "phi": {"task": [made.low, 0.9]}, "spread": made.spread}
-    request |= {"seed": made.seed, "n": made.wanted, "plan": made.plan_digest}
+    request |= {"seed": made.seed, "n": made.scenes_wanted, "plan": made.plan_digest}
     return {**request, "scenegen": "", "numpy": ""}
 
 

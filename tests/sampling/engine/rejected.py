@@ -20,7 +20,7 @@ class Rejected(Plan):
     fact_count = 0
 
     @property
-    def reached(self):
+    def reached_cells(self):
         return sorted(self.problem.possible)
 
     def draw(self, k):

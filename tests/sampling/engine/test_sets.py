@@ -295,7 +295,7 @@ class _Slow:
 
 
 def _checked(monkeypatch, check):
-    monkeypatch.setattr("made_sets.Made", functools.partial(Made, verified=True))
+    monkeypatch.setattr("made_sets.Made", functools.partial(Made, is_verified=True))
     monkeypatch.setattr(Made, "check", staticmethod(check), raising=False)
 
 

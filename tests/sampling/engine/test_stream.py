@@ -35,7 +35,7 @@ class Runs:
 
     def __call__(self, path, kill=None, **options):
         """The exit status, and how many file operations there were."""
-        words = {"path": str(path), "made": {"wanted": 2000}, "kill": kill, **SMALL, **options}
+        words = {"path": str(path), "made": {"scenes_wanted": 2000}, "kill": kill, **SMALL, **options}
         self.process.stdin.write(json.dumps(words) + "\n")
         self.process.stdin.flush()
         return json.loads(self.process.stdout.readline())
@@ -139,7 +139,7 @@ def test_killed_at_any_time_with_workers(tmp_path, unbroken):
     path = tmp_path / "x.parquet"
     kills = 0
     while not path.exists():
-        words = {"path": str(path), "made": {"wanted": 2000}, **SMALL, "resume": True, "workers": 2}
+        words = {"path": str(path), "made": {"scenes_wanted": 2000}, **SMALL, "resume": True, "workers": 2}
         program = f"import sys; sys.path.insert(0, {str(HERE)!r}); import made; made.run({words!r})"
         process = subprocess.Popen([sys.executable, "-c", program])
         try:
@@ -328,7 +328,7 @@ def test_a_block_that_does_not_pass_inspection_is_not_stored(tmp_path):
                 raise AssertionError("not asked for")
 
     with pytest.raises(AssertionError):
-        stream(tmp_path / "x.jsonl", Inspected(2000, verified=True), size=300, checkpoint=0.0)
+        stream(tmp_path / "x.jsonl", Inspected(2000, is_verified=True), size=300, checkpoint=0.0)
     manifest = json.loads((tmp_path / "x.jsonl.part" / "manifest.json").read_text())
     assert sum(shard["scenes"] for shard in manifest["shards"]) == 600
 

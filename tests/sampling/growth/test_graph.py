@@ -185,8 +185,8 @@ def test_cells_that_no_scene_reaches_are_left_out():
     """With both differences over 0.1875, mug and plate are over 0.265 apart."""
     text = "task: leftOf(mug, plate) & aboveOf(mug, plate)\nsafe: !closeTo(mug, plate, 0.25)"
     plan = planned(text, {"task": Range(0.0, 0.2), "safe": Range(0.0, 0.2)}, 1000)
-    assert set(plan.reached) >= set(range(240)) - {cell for cell in range(256) if cell % 16 == 0}
-    assert len(plan.reached) == 255
+    assert set(plan.reached_cells) >= set(range(240)) - {cell for cell in range(256) if cell % 16 == 0}
+    assert len(plan.reached_cells) == 255
 
 
 def test_the_deciding_atom_is_one_more_choice():

@@ -12,7 +12,7 @@ from pxr import Sdf, UsdGeom, UsdLux, UsdPhysics
 import scenegen
 from scenegen.resources import shipped_specs
 from scenegen.worlds.export.usd import UsdScenes, UsdStage, crate, identifiers
-from scenegen.worlds.export.world import Record, principal
+from scenegen.worlds.export.world import SpecRecord, principal
 from tests.worlds.export.stages import (
     color,
     corners,
@@ -349,7 +349,7 @@ def test_prims_have_the_same_names_in_every_scene():
     """Whoever else is there: `a:b` takes the name `a_b` even where only `a-b` is."""
     made = world(crates())
     bodies = (replace(made.bodies[0], name="a-b"),)
-    record = Record("", {}, {}, {}, ("a:b", "a-b"))
+    record = SpecRecord("", {}, {}, {}, ("a:b", "a-b"))
     scene = UsdScenes(replace(made, bodies=bodies, poses=made.poses[:, :1], record=record), "meshes", ".usda")
     assert list(scene.names.values()) == ["a_b", "a_b_2"]
     files = [scene.scene_file(index) for index in range(2)]

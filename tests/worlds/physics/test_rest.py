@@ -188,7 +188,7 @@ def test_wrong_arguments_are_refused(arguments, words):
 def test_no_scenes_are_refused_and_a_missing_simulator_is_named(monkeypatch):
     with pytest.raises(RequestError, match="no scenes"):
         scenegen.settle(boxes()[:0], "pybullet")
-    monkeypatch.setattr("scenegen.needs.found", lambda package: package != "mujoco")
+    monkeypatch.setattr("scenegen.needs.is_installed", lambda package: package != "mujoco")
     with pytest.raises(RequestError, match="mujoco") as error:
         scenegen.settle(boxes(), "mujoco")
     assert 'pip install "scenegen-dsl[mujoco]"' in str(error.value)

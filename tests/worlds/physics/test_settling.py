@@ -290,7 +290,7 @@ class Fake(Plan):
     digest: str = "fake"
 
     method = "fake"
-    reached = (0, 1, 2, 3)
+    reached_cells = (0, 1, 2, 3)
     evaluations = scenes_per_piece = 60.0
     fact_count = 1
 
@@ -388,10 +388,10 @@ def test_a_run_that_breaks_and_goes_on_gives_the_same_scenes():
                 out += list(assembler.offer(Block(piece.rows, piece.phi), piece.cell))
         return out
 
-    whole = fill(BlockAssembler(plan.reached, 32, plan.seed), 0, 100)
-    first = BlockAssembler(plan.reached, 32, plan.seed)
+    whole = fill(BlockAssembler(plan.reached_cells, 32, plan.seed), 0, 100)
+    first = BlockAssembler(plan.reached_cells, 32, plan.seed)
     assert fill(first, 0, 1) == []
-    second = BlockAssembler(plan.reached, 32, plan.seed)
+    second = BlockAssembler(plan.reached_cells, 32, plan.seed)
     second.restore(*first.state(), 6)
     rest = fill(second, 1, 100)
     assert len(whole) == len(rest) == 1

@@ -46,7 +46,7 @@ def pairs(
     `distance`, the metres between their centres, summed. Every pair is scored once more before it is returned. The
     same arguments give the same pairs, whatever `workers`: how many processes draw scenes (None: one).
 
-    Where the spec draws how many things there are, start and goal have as many, and numbers have equal shares of the
+    Where the spec draws how many things there are, start and goal have as many, and numbers have their shares of the
     pairs; those that have none are left out, with a warning. Objects that are not there have NaN.
 
     Raises RequestError where there is no start or no goal, and where fewer than n pairs were found.

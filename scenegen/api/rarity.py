@@ -24,7 +24,7 @@ from scenegen.errors.requests import (
     REQUIREMENT_NOT_FOUND,
     UNKNOWN_LABEL,
 )
-from scenegen.lang.spec import numbers_text
+from scenegen.lang.spec import member_weights, numbers_text
 from scenegen.sampling.rarity import (
     RARITY_VISITS,
     PhiDistribution,
@@ -157,11 +157,12 @@ def _cut_short(budget: Budget, found: Rarity, labels: Sequence[str]) -> tuple[Di
 
 
 def _of_numbers(spec: Spec, labels: Sequence[str], seed: int, left_out: list[Diagnostic], budget: Budget) -> Rarity:
-    """Over all numbers of things in equal shares; those with which nothing meets the requirement are left out. Raises
+    """Over all numbers of things by their weights; those with which nothing meets the requirement are left out. Raises
     RequestError where all are."""
     found: list[Rarity] = []
+    weights: list[int] = []
     share = RARITY_VISITS // min(len(spec.definition.members), MOST_SHARES)
-    for numbers, member in spec.members:
+    for (numbers, member), weight in zip(spec.members, member_weights(spec.definition.counts), strict=True):
         try:
             found.append(_measure(member, labels, member.bounds(), seed, budget, share))
         except RequestError as error:
@@ -169,9 +170,11 @@ def _of_numbers(spec: Spec, labels: Sequence[str], seed: int, left_out: list[Dia
             left_out.append(NUMBER_LEFT_OUT(counted=numbers_text(numbers), why=first.title))
             if len(left_out) == len(spec.definition.members):
                 raise
+        else:
+            weights.append(weight)
     if any(len(one.reaches) < len(labels) for one in found):
         raise StoppedError  # a mixture needs all of them
-    return mix_rarities(found)
+    return mix_rarities(found, weights)
 
 
 def _of_motions(spec: Spec, labels: Sequence[str], seed: int, budget: Budget) -> SpecRarity:

@@ -104,10 +104,10 @@ class Spec:
             if name not in self.counts:
                 each = tuple(one for one in self.counts if one.startswith(f"{name}["))
                 raise RequestError(WRONG_COUNT(name=name, each=each, known=tuple(self.counts)))
-            least, most = self.counts[name]
-            number = _number_of(name, given, self.assets.get(name, ()))
-            if not least <= number <= most:
-                raise RequestError(WRONG_COUNT(name=name, number=number, least=least, most=most))
+            drawn = next(one for one in self.definition.counts if one.name == name)
+            number = _number_of(name, given, drawn.assets)
+            if number not in drawn.numbers:
+                raise RequestError(WRONG_COUNT(name=name, number=number, words=drawn.words))
             numbers[name] = number
         if not counts:
             return self

@@ -255,8 +255,9 @@ def _head(spec: Spec, width: int | None) -> Iterator[str]:
     ]
     free = [name for index, name in enumerate(spec.objects) if index not in checked.fixed]
     if checked.counts:
-        drawn = ", ".join(f"{one.least} to {one.most} {one.name}" for one in checked.counts if not one.assets)
-        kinds = "; ".join(f"{one.name} is {' or '.join(one.assets)}" for one in checked.counts if one.assets)
+        weighed = [(one, f" as {' : '.join(map(str, one.weights))}" if one.weights else "") for one in checked.counts]
+        drawn = ", ".join(f"{one.words} {one.name}{often}" for one, often in weighed if not one.assets)
+        kinds = "; ".join(f"{one.name} is {' or '.join(one.assets)}{often}" for one, often in weighed if one.assets)
         if drawn:
             yield f"  numbers    {drawn}: {len(checked.members)} specs; what follows is that of the most"
         if kinds:

@@ -436,9 +436,10 @@ def _how(info: Mapping[str, Any]) -> str:
         return f"growth, {info['candidates']:,} evaluations, {info['sweeps']} sweeps of moves after the last object"
     if info["method"] == "numbered":
         methods = ", ".join(dict.fromkeys(part["method"] for part in info["numbers"]))
-        equal = " in equal shares" if all("share" in part for part in info["numbers"]) else ""
+        shares = [part.get("share") for part in info["numbers"]]
+        shared = "" if None in shares else " in equal shares" if len({*shares}) == 1 else " by their weights"
         what = "choices of assets" if any("assets" in part for part in info["numbers"]) else "numbers of things"
-        return f"{len(info['numbers'])} {what}{equal}, by {methods}"
+        return f"{len(info['numbers'])} {what}{shared}, by {methods}"
     if info["method"] == "paired":
         methods = ", ".join(part["method"] for part in info["components"])
         return f"{len(info['components'])} independent parts by {methods}, {info['candidates']:,} evaluations"

@@ -361,6 +361,27 @@ WRONG_CHOICE = Kind(
         "name the surfaces: on any of [a, b]",
     ),
 )
+WRONG_WEIGHT = Kind(
+    "wrong-weight",
+    (
+        "{weight:?}a weight is a number above 0",
+        "{twice:?}{twice} is in this list twice",
+        "{alone:?}there is one number here, whatever its weight",
+        "{rounds:?}these weights are too fine",
+        "weights cannot stand here",
+    ),
+    (
+        "{weight:?}this one is {weight:g}",
+        "{rounds:?}their shares come out even after {rounds:,} scenes; {limit:,} is the limit",
+    ),
+    (
+        "{weight:?}leave out what is never taken",
+        "{twice:?}write each number once",
+        "{alone:?}for {least} to {most} of them write {name}[{least}..{most}]",
+        "{rounds:?}write small whole numbers: [a: 7, b: 3]",
+        "weights stand in `object butter on any of [fridge: 7, table: 3]` and in `object block[3: 1, 5: 2]`",
+    ),
+)
 TOO_MANY_CASES = Kind(
     "too-many-cases",
     "there are more than {limit:,} ways in which things can stand here",
@@ -447,7 +468,7 @@ WRONG_COUNT = Kind(
         "the spec draws no number of `{name}`",
     ),
     help=(
-        "{number:?}the spec draws {least} to {most}",
+        "{number:?}the spec draws {words}",
         "it draws each of them by itself: {each:list}",
         NEAREST,
         "{object:?}the spec draws one of {known:list}",

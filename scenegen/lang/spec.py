@@ -75,18 +75,28 @@ class SurfaceChoice:
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """An array whose number of elements is drawn: `least` to `most`, both included. Or an object of a category: the
-    number, from 1, is that of one of `assets`, after which the object that is there is called."""
+    """An array whose number of elements is drawn: `least` to `most`, both included, or one of those `listed`. Or an
+    object of a category: the number, from 1, is that of one of `assets`, after which the object that is there is
+    called. `weights` are whole numbers, one for each number that there can be; none: all are equally likely."""
 
     name: str
     least: int
     most: int
     assets: tuple[str, ...] = ()
+    listed: tuple[int, ...] = ()
+    weights: tuple[int, ...] = ()
 
     @property
-    def numbers(self) -> range:
-        """Every number of elements that there can be."""
-        return range(self.least, self.most + 1)
+    def numbers(self) -> Sequence[int]:
+        """Every number of elements that there can be, in their order."""
+        return self.listed or range(self.least, self.most + 1)
+
+    @property
+    def words(self) -> str:
+        """The numbers as text: `3 to 8`, or `3, 5 or 8`."""
+        if not self.listed:
+            return f"{self.least} to {self.most}"
+        return f"{', '.join(map(str, self.listed[:-1]))} or {self.listed[-1]}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,6 +245,15 @@ def combinations(counts: Sequence[Count]) -> Iterator[dict[str, int]]:
         yield dict(zip(names, numbers, strict=True))
 
 
+def member_weights(counts: Sequence[Count]) -> tuple[int, ...]:
+    """How often each combination of numbers is drawn, compared with the others: whole numbers without a common
+    divisor, in the order of `combinations`."""
+    each = [one.weights or (1,) * len(one.numbers) for one in counts]
+    weights = [math.prod(some) for some in itertools.product(*each)]
+    common = math.gcd(*weights)
+    return tuple(one // common for one in weights)
+
+
 def numbers_text(numbers: Mapping[str, int]) -> str:
     """Numbers of things as a spec has them, assets as objects are called: `block[3] and mug:red`."""
     each = numbers.items()
@@ -288,6 +307,6 @@ def members_of(spec: CheckedSpec) -> Members:
                 weight.append(further * (number - 1))
                 continue
             spare.append(row_of(place[f"{one.name}[{number}]"], X))
-            weight.append(further)
+            weight.append(further if number in one.numbers else 0)
     each = tuple(rows_among(spec, member) for member in specs)
     return Members(specs, each, np.array(spare, dtype=np.intp), np.array(weight, dtype=np.intp))

@@ -101,8 +101,8 @@ def read_model(path: Path, spec: Spec | None = None) -> Model:
 # Models of a spec that draws how many things there are, or which: a folder with an ordinary model for each
 # combination of numbers.
 #
-# The number of things is uniform whatever phi is wanted, so the models get equal shares of the scenes, as the members
-# of the spec do in the exact samplers (scenegen.sampling.families). Nothing about the shares has to be learned.
+# The number of things does not depend on what phi is wanted, so the models get the shares that the members of the spec
+# have in the exact samplers (scenegen.sampling.families). Nothing about the shares has to be learned.
 
 
 SPEC = "numbers.spec"  # the spec that draws numbers, in a folder of models

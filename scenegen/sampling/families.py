@@ -1,8 +1,8 @@
 """Scenes of a spec with random numbers of things: the plan of every member, an ordinary spec, and how they take turns.
 
-The number of things is uniform: the members get equal shares of the scenes, as cells do. Given the number, scenes are
-those of the member's own plan, drawn with a seed of its own. Storage is that of the member with all objects; rows of
-absent objects are NaN.
+The number of things is uniform, or by weights: the members get shares of the scenes by them. Given the number, scenes
+are those of the member's own plan, drawn with a seed of its own. Storage is that of the member with all objects; rows
+of absent objects are NaN.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from scenegen.errors.requests import (
     TOO_IMPROBABLE,
 )
 from scenegen.lang.formula.core import gate
-from scenegen.lang.spec import CheckedSpec, Picked, combinations, numbers_text, rows_among
+from scenegen.lang.spec import CheckedSpec, Picked, combinations, member_weights, numbers_text, rows_among
 from scenegen.pose import X, row_count, rows_along
 from scenegen.sampling.cells import Cells
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
@@ -79,10 +79,10 @@ def assets_of(numbers: Mapping[str, int]) -> dict[str, dict[str, str]]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FamilyPlan(Plan):
-    """A plan for one request: the `plans` of the members that have scenes. `numbers` are their numbers of things,
-    `rows` the rows of each member's storage in that of all objects. `turns` says which member draws each piece; they
-    begin again at the end. `facts` is how many facts a piece of each has. `left_out` are the numbers without scenes,
-    and why.
+    """A plan for one request: the `plans` of the members that have scenes. `numbers` are their numbers of things, drawn
+    as often as `shares` say (whole numbers), `rows` the rows of each member's storage in that of all objects. `turns`
+    says which member draws each piece; they begin again at the end. `facts` is how many facts a piece of each has.
+    `left_out` are the numbers without scenes, and why.
 
     The facts of a piece are how many pieces and candidates each member has made, then those of the members' own plans.
     """
@@ -92,13 +92,15 @@ class FamilyPlan(Plan):
     rows: tuple[Index, ...]
     turns: Index
     facts: tuple[int, ...]
+    shares: tuple[int, ...]
     left_out: tuple[tuple[dict[str, int], str], ...] = ()
 
     method: ClassVar[str] = "numbered"
 
     @property
     def plan_digest(self) -> str:
-        return digest("numbered", self.numbers, self.turns, tuple(plan.plan_digest for plan in self.plans))
+        weighted = (self.shares,) if len(set(self.shares)) > 1 else ()
+        return digest("numbered", self.numbers, self.turns, tuple(plan.plan_digest for plan in self.plans), *weighted)
 
     @property
     def reached_cells(self) -> Sequence[int]:
@@ -115,6 +117,10 @@ class FamilyPlan(Plan):
         return frozenset(
             start + cell for start, plan in zip(self._starts, self.plans, strict=True) for cell in plan.ruled_out
         )
+
+    @property
+    def weights(self) -> Sequence[int]:
+        return self.shares
 
     @property
     def _starts(self) -> tuple[int, ...]:
@@ -183,14 +189,19 @@ class FamilyPlan(Plan):
         """What the scene file says: the share of each number of things, and its member's own account."""
         accounts = [self._account(member, tally) for member in range(len(self.plans))]
         whole = tally.scenes >= self.scenes_wanted  # a run that was cut short has what was found
-        share = {"share": 1.0 / len(self.plans)} if whole else {}
+        each = zip(self.numbers, self.shares, accounts, strict=True)
         info: dict[str, object] = {
             "method": self.method,
             "seed": self.seed,
             "pieces": tally.pieces,
             "numbers": [
-                {"numbers": numbers, **assets_of(numbers), **share, **one.info}
-                for numbers, one in zip(self.numbers, accounts, strict=True)
+                {
+                    "numbers": numbers,
+                    **assets_of(numbers),
+                    **({"share": share / sum(self.shares)} if whole else {}),
+                    **one.info,
+                }
+                for numbers, share, one in each
             ],
         }
         if self.left_out:
@@ -284,14 +295,16 @@ def plan_numbers(
             raise RequestError(
                 CANNOT_BE_HELD(held.span if isinstance(held, FixedPose) else None, name=name, missing="may be missing")
             )
-    each = max(1, -(-request.n // len(everything)))
+    weights = member_weights(spec.counts)
     numbers: list[dict[str, int]] = []
     plans: list[Plan] = []
+    shares: list[int] = []
     left_out: list[tuple[dict[str, int], str]] = []
     reasons: list[Diagnostic] = []
-    for mine, member in zip(everything, spec.members, strict=True):
+    for mine, weight, member in zip(everything, weights, spec.members, strict=True):
+        n = max(1, -(-request.n * weight // sum(weights)))
         try:
-            plan = make(member, replace(request, n=each, seed=seed_of(request.seed, mine)))
+            plan = make(member, replace(request, n=n, seed=seed_of(request.seed, mine)))
         except RequestError as error:
             first = error.diagnostics[0]
             if first.kind not in NO_SCENE_KINDS and (first.kind not in NOT_FOUND_KINDS or budget.is_spent):
@@ -303,19 +316,28 @@ def plan_numbers(
             continue
         numbers.append(mine)
         plans.append(plan)
+        shares.append(weight)
     if not plans:
         mine, why = left_out[0]
         raise RequestError(NO_NUMBER_POSSIBLE(reasons[0].span, counted=numbers_text(mine), why=why))
     if left_out:
-        plans = [_with_count(plan, -(-request.n // len(plans))) for plan in plans]
+        plans = [
+            _with_count(plan, -(-request.n * share // sum(shares))) for plan, share in zip(plans, shares, strict=True)
+        ]
     plans = [last(plan) for plan in plans]
     return FamilyPlan(
         _problem(spec, request, plans, numbers, left_out),
         tuple(plans),
         tuple(numbers),
         tuple(rows_among(spec, plan.problem.spec) for plan in plans),
-        _turns([max(plan.fewest, request.n / len(plans) / max(plan.scenes_per_piece, 1e-9)) for plan in plans]),
+        _turns(
+            [
+                max(plan.fewest, request.n * share / sum(shares) / max(plan.scenes_per_piece, 1e-9))
+                for plan, share in zip(plans, shares, strict=True)
+            ]
+        ),
         tuple(plan.fact_count for plan in plans),
+        tuple(shares),
         tuple(left_out),
         why=_why(plans, numbers),
     )

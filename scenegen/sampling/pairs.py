@@ -17,7 +17,7 @@ from scenegen.arrays import Array, Bool, Index
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.declarations import NO_NUMBER_POSSIBLE, NUMBER_LEFT_OUT
 from scenegen.errors.requests import CANNOT_MOVE_SO_MANY, TOO_FEW_MOTIONS
-from scenegen.lang.spec import CheckedSpec, combinations, numbers_text, rows_among
+from scenegen.lang.spec import CheckedSpec, combinations, member_weights, numbers_text, rows_among
 from scenegen.pose import PLACE, row_count, row_of, rows_along, rows_of
 from scenegen.sampling.families import NO_SCENE_KINDS, NOT_FOUND_KINDS, assets_of, seed_of
 from scenegen.sampling.plans import draw
@@ -191,10 +191,10 @@ def _check_pairs(
 
 # Pairs of a spec that draws how many things there are: those of its members, ordinary specs.
 #
-# The number of things is uniform, as in scenes (scenegen.sampling.families): numbers that have pairs get equal shares
-# of them; which get one more where they do not come out even, and the order of the pairs, is drawn. Given the number,
-# pairs are those of the member's own request, drawn with a seed of its own. Storage is that of the member with all
-# objects; rows of absent objects are NaN.
+# The number of things is uniform or by weights, as in scenes (scenegen.sampling.families): numbers that have pairs get
+# their shares of them; which get one more where they do not come out even, and the order of the pairs, is drawn. Given
+# the number, pairs are those of the member's own request, drawn with a seed of its own. Storage is that of the member
+# with all objects; rows of absent objects are NaN.
 
 
 PAIR_ORDER = 1  # of the random numbers of pairs: shares and order, apart from those of a member's pairs
@@ -216,7 +216,7 @@ def draw_numbered(spec: CheckedSpec, request: SampleRequest, budget: Budget, dra
     """The pairs of a request; `draw` makes those of a member, with a shortfall where there are too few. Raises
     RequestError where no number has a pair, where one has fewer than its share, for a mistake in the request, and where
     time is up."""
-    everything = list(combinations(spec.counts))
+    everything, weights = list(combinations(spec.counts)), member_weights(spec.counts)
     rng = np.random.default_rng(np.random.SeedSequence([request.seed, PAIRS_STREAM, PAIR_ORDER]))
     order = rng.permutation(len(everything)).tolist()
     found: dict[int, Pairs] = {}
@@ -227,7 +227,7 @@ def draw_numbered(spec: CheckedSpec, request: SampleRequest, budget: Budget, dra
             first = min(without)
             why = without[first]
             raise RequestError(NO_NUMBER_POSSIBLE(why.span, counted=numbers_text(everything[first]), why=why.title))
-        shares = _shares(max(request.n, 1), left)
+        shares = _shares(max(request.n, 1), left, weights)
         todo = [one for one, share in sorted(shares.items()) if share and _count(found.get(one)) != share]
         if not todo:
             break
@@ -261,10 +261,13 @@ def _member_info(numbers: Mapping[str, int], pairs: Pairs) -> dict[str, object]:
     return {"numbers": dict(numbers), **assets_of(numbers), **counted}
 
 
-def _shares(n: int, members: Sequence[int]) -> dict[int, int]:
-    """How many pairs each member has: the first ones have one more where they do not come out even."""
-    each, more = divmod(n, len(members))
-    return {member: each + (place < more) for place, member in enumerate(members)}
+def _shares(n: int, members: Sequence[int], weights: Sequence[int]) -> dict[int, int]:
+    """How many pairs each member has: those with the largest remainders, and of these the first, have one more where
+    they do not come out even."""
+    total = sum(weights[member] for member in members)
+    shares = {member: n * weights[member] // total for member in members}
+    rest = sorted(members, key=lambda member: -(n * weights[member] % total))
+    return shares | {member: shares[member] + 1 for member in rest[: n - sum(shares.values())]}
 
 
 def _count(pairs: Pairs | None) -> int:

@@ -208,9 +208,14 @@ class Plan(ABC):
 
     @property
     def groups(self) -> Sequence[Sequence[int]]:
-        """The reached cells in groups. The groups get equal shares of the scenes, and the cells of a group equal shares
-        of its share."""
+        """The reached cells in groups, which get shares of the scenes by `weights`; the cells of a group get equal
+        shares of its share."""
         return (self.reached_cells,)
+
+    @property
+    def weights(self) -> Sequence[int]:
+        """How many of sum(weights) scenes belong to each group."""
+        return (1,) * len(self.groups)
 
     @property
     def ruled_out(self) -> frozenset[int]:

@@ -352,9 +352,10 @@ CERTAIN = Estimate(0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class MixedTail:
-    """Tails of the same direction, each with the same share of the scenes; it has what `Tail` has."""
+    """Tails of the same direction, which are met as often as `weights` say; it has what `Tail` has."""
 
     tails: tuple[Run, ...]
+    weights: tuple[int, ...]
 
     @property
     def sign(self) -> int:
@@ -376,36 +377,39 @@ class MixedTail:
 
     def __call__(self, phi: float) -> Estimate | None:
         """As of `Tail`; a tail that has too few scenes there counts as having none."""
-        return mean_estimate([tail(phi) for tail in self.tails])
+        return mean_estimate([tail(phi) for tail in self.tails], self.weights)
 
     def quantile(self, share: float) -> float:
         """As of `Tail`."""
-        each = [tail.values[0].ravel() for tail in self.tails if isinstance(tail, Tail)]
-        values = np.concatenate(each)
-        weights = np.concatenate([np.full(len(one), 1.0 / len(one) / len(each)) for one in each])
+        pairs = zip(self.tails, self.weights, strict=True)
+        each = [(tail.values[0].ravel(), weight) for tail, weight in pairs if isinstance(tail, Tail)]
+        values, whole = np.concatenate([one for one, _ in each]), sum(weight for _, weight in each)
+        weights = np.concatenate([np.full(len(one), 1.0 / len(one) / whole * weight) for one, weight in each])
         order = np.argsort(-values, kind="stable")
         beyond = np.cumsum(weights[order])
         place = min(int(np.searchsorted(beyond, share * (1.0 - 1e-12))), len(values) - 1)
         return self.sign * float(values[order[place]])
 
 
-def mean_estimate(estimates: Sequence[Estimate | None]) -> Estimate | None:
-    """The mean of probabilities; None counts as 0, and is what there is where all are None."""
-    known = [(10.0**one.log10, one.error) for one in estimates if one is not None]
+def mean_estimate(estimates: Sequence[Estimate | None], weights: Sequence[int]) -> Estimate | None:
+    """The mean of probabilities by their weights; None counts as 0, and is what there is where all are None."""
+    pairs = zip(estimates, weights, strict=True)
+    known = [(weight * 10.0**one.log10, one.error) for one, weight in pairs if one is not None]
     total = sum(value for value, _ in known)
     if not total > 0.0:
         return None
     error = math.sqrt(sum((value * error) ** 2 for value, error in known)) / total
-    return Estimate(math.log10(total / len(estimates)), error)
+    return Estimate(math.log10(total / sum(weights)), error)
 
 
-def mix_rarities(found: Sequence[Rarity]) -> Rarity:
-    """The distribution over members in equal shares, each among its own scenes that meet the requirement."""
+def mix_rarities(found: Sequence[Rarity], weights: Sequence[int]) -> Rarity:
+    """The distribution over members as often as `weights` say, each among its own scenes that meet the requirement."""
     reaches = {}
     for label in found[0].reaches:
         each = [one.reaches[label] for one in found]
-        up, down = (MixedTail(tuple(tails)) for tails in ([one.up for one in each], [one.down for one in each]))
+        tails = [one.up for one in each], [one.down for one in each]
+        up, down = (MixedTail(tuple(some), tuple(weights)) for some in tails)
         reaches[label] = PhiDistribution(up, down, sum(one.evaluations for one in each))
     required = [one.requirement for one in found]
-    requirement = None if not any(required) else mean_estimate([one or CERTAIN for one in required])
+    requirement = None if not any(required) else mean_estimate([one or CERTAIN for one in required], weights)
     return Rarity(reaches, requirement, sum(one.evaluations for one in found))

@@ -172,8 +172,8 @@ Mask = npt.NDArray[np.bool_]
 
 
 class DrawnCount(Protocol):
-    """An array of objects whose number of elements is drawn, `least` to `most`; or, with `assets`, an object that is
-    there as one of them: `mug:red` or `mug:blue`, counted from 1."""
+    """An array of objects whose number of elements is drawn, `least` to `most`, of these only those that are `listed`,
+    if any are; or, with `assets`, an object that is there as one of them: `mug:red` or `mug:blue`, counted from 1."""
 
     @property
     def name(self) -> str: ...
@@ -183,6 +183,8 @@ class DrawnCount(Protocol):
     def most(self) -> int: ...
     @property
     def assets(self) -> Sequence[str]: ...
+    @property
+    def listed(self) -> Sequence[int]: ...
 
 
 class Header(Protocol):
@@ -200,6 +202,11 @@ AnyHeader = TypeVar("AnyHeader", bound=Header)
 def element(one: DrawnCount, number: int) -> str:
     """The name of an object that there can be, counted from 1."""
     return f"{one.name}:{one.assets[number - 1]}" if one.assets else f"{one.name}[{number}]"
+
+
+def possible_numbers(one: DrawnCount) -> Sequence[int]:
+    """Every number of elements, or of an asset, that there can be."""
+    return one.listed or range(one.least, one.most + 1)
 
 
 def _there(one: DrawnCount, number: int) -> range:
@@ -229,7 +236,7 @@ def numbers_in(objects: Sequence[str], counts: Sequence[DrawnCount], there: Mask
     found = found.reshape(len(counts), len(there))
     bad = (present(objects, counts, found) != there).any(axis=1)
     for one, number in zip(counts, found, strict=True):
-        bad |= (number < one.least) | (number > one.most)
+        bad |= ~np.isin(number, possible_numbers(one))
     if bad.any():
         raise ValueError(f"scene {int(np.flatnonzero(bad)[0]) + 1}")
     return found
@@ -262,7 +269,7 @@ def check_numbers(counts: Sequence[DrawnCount], numbers: Mapping[str, int]) -> N
             "the numbers are not those of the header's `counts`" if counts else "the header has no `counts`"
         )
     for one in counts:
-        if not one.least <= numbers[one.name] <= one.most:
+        if numbers[one.name] not in possible_numbers(one):
             what = f"asset {numbers[one.name]}" if one.assets else str(numbers[one.name])
             raise ValueError(f"there cannot be {what} of `{one.name}`")
 

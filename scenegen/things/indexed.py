@@ -75,7 +75,8 @@ Number = Annotated[FiniteFloat, BeforeValidator(_not_bool)]
 class AssetEntry(BaseModel):
     """One asset: `scale` is how many metres a unit of its file is, `up` which axis of the file points up; it is then
     turned by `roll`, `pitch` and `yaw`, degrees about the fixed x, y and z axes in that order. With `center` the middle
-    of its outline comes to its origin. `mass` is in kg, `friction` the coefficient of sliding friction; without them, a
+    of its outline comes to its origin. `weight` says how often it is taken, compared with the others of its category.
+    `mass` is in kg, `friction` the coefficient of sliding friction; without them, a
     URDF file's own count."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
@@ -90,6 +91,7 @@ class AssetEntry(BaseModel):
     pitch: Number = 0.0
     yaw: Number = 0.0
     center: bool = False
+    weight: Annotated[Number, Field(gt=0.0, le=1e6)] = 1.0
     mass: Annotated[Number, Field(ge=MIN_MASS, le=MAX_MASS)] | None = None
     friction: Annotated[Number, Field(ge=0.0, le=MAX_FRICTION)] | None = None
 

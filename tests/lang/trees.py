@@ -31,12 +31,19 @@ def comparisons(draw, below):
     return ast.Compare(operands, tuple(draw(signs) for _ in operands[1:]))
 
 
+@st.composite
+def weighted(draw, below):
+    pairs = draw(tuples(st.tuples(below, below), least=1))
+    return ast.Weighted(tuple(one for one, _ in pairs), tuple(weight for _, weight in pairs))
+
+
 def nodes(below):
     arguments = st.builds(ast.Argument, st.none() | names, below)
     domains = st.one_of(below, st.builds(ast.Range, below, below))
     return st.one_of(
         st.builds(ast.Point, tuples(below, least=2)),
         st.builds(ast.List, tuples(below)),
+        weighted(below),
         st.builds(ast.Call, names, tuples(arguments)),
         st.builds(ast.Member, below, names),
         st.builds(ast.Index, below, below),

@@ -34,17 +34,21 @@ task: closeTo(can[1], can[2], 40 cm)
 """
 
 
-def by_hand(spec, count, by_area, rng):
+WEIGHTS = {"tray": 1, "mat": 2, "workspace": 5}
+
+
+def by_hand(spec, count, by_area, weights, rng):
     """For both cans which surface they are on, (2, count), and x, y of both, (4, count); in the range."""
     tray, can = (spec.checked.shapes[which] for which in (0, 1))
     length, width = (size - 2.0 * can.footprint.radius for size in spec.checked.choices[1].options[0].outline.extent)
     assert length < tray.footprint.length and can.height > 0.0
-    areas = np.array([length * width, 0.4 * 0.2, 1.0])
+    often = np.array([length * width, 0.4 * 0.2, 1.0]) if by_area else np.ones(3)
+    often *= weights
     tries = 20 * count
     x, y, theta = rng.random(tries), rng.random(tries), rng.random(tries) * math.tau
     on, places = [], []
     for _ in range(2):
-        chosen = rng.choice(3, size=tries, p=areas / areas.sum() if by_area else None)
+        chosen = rng.choice(3, size=tries, p=often / often.sum())
         u, v = (rng.random(tries) - 0.5) * length, (rng.random(tries) - 0.5) * width
         at_x = x + np.cos(theta) * u - np.sin(theta) * v, 0.55 + 0.4 * rng.random(tries), rng.random(tries)
         at_y = y + np.sin(theta) * u + np.cos(theta) * v, 0.1 + 0.2 * rng.random(tries), rng.random(tries)
@@ -54,24 +58,29 @@ def by_hand(spec, count, by_area, rng):
     return np.stack(on)[:, near][:, :count], np.stack(places)[:, near][:, :count]
 
 
+WAYS = [(words, weights) for words in ("", " by area") for weights in ({}, WEIGHTS)]
+
+
 @pytest.mark.long
-@pytest.mark.parametrize("words", ["", " by area"])
-def test_choices_are_the_truth(words):
-    compare(words, "rejection", 1000)
+@pytest.mark.parametrize(("words", "weights"), WAYS)
+def test_choices_are_the_truth(words, weights):
+    compare(words, weights, "rejection", 1000)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("words", ["", " by area"])
+@pytest.mark.parametrize(("words", "weights"), WAYS)
 @pytest.mark.parametrize("method", ["rejection", "growth", "splitting"])
-def test_choices_are_the_truth_by_all_methods(words, method):
-    compare(words, method, 2000)
+def test_choices_are_the_truth_by_all_methods(words, weights, method):
+    compare(words, weights, method, 2000)
 
 
-def compare(words, method, count):
+def compare(words, weights, method, count):
     """Surfaces by chi-square, places by Kolmogorov-Smirnov."""
-    spec, phi = scenegen.parse(SPEC.format(words)), {"task": (0.0, None)}
+    options = ", ".join(f"{name}: {weight}" for name, weight in weights.items())
+    text = SPEC.format(words).replace("[tray, mat, workspace]", f"[{options or 'tray, mat, workspace'}]")
+    spec, phi = scenegen.parse(text), {"task": (0.0, None)}
     scenes = scenegen.sample(spec, phi, count, seed=3, method=method, spread="base", workers=1, timeout=600.0)
-    on, places = by_hand(spec, 8 * count, bool(words), np.random.default_rng(5))
+    on, places = by_hand(spec, 8 * count, bool(words), [*weights.values()] or 1.0, np.random.default_rng(5))
     counted = int(count * scenes.header.sampler.get("effective_share", 1.0))
     mine, true = (np.bincount(one[0] * 3 + one[1], minlength=9) for one in (scenes.on[:counted].T.astype(int) - 1, on))
     kept = mine + true > 8

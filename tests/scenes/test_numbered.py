@@ -162,3 +162,45 @@ def test_quaternions_of_what_is_not_there_are_nan(scenes):
     found = scenes.poses7()
     assert (np.isnan(found).all(axis=2) == ~scenes.present).all()
     assert not np.isnan(found[scenes.present]).any()
+
+
+WEIGHTED = "object block[1: 1, 2: 2, 4: 5], cup[1..2], mug\ntask: forall b in block: leftOf(b, mug)\n"
+
+
+@pytest.mark.parametrize("ending", ["json", "jsonl", "parquet"])
+def test_weighted_numbers_have_their_shares_in_every_format(tmp_path, ending):
+    spec = scenegen.parse(WEIGHTED)
+    scenes = scenegen.sample(spec, (0.0, None), n=32, seed=5)
+    again = scenegen.read_scenes(scenes.save(tmp_path / f"a.{ending}"))
+    assert np.bincount(again.counts["block"]).tolist() == [0, 4, 8, 0, 20]
+    assert np.bincount(again.counts["cup"]).tolist() == [0, 16, 16]
+    assert np.array_equal(again.phi["task"], scenes.phi["task"]) and again.header == scenes.header
+    assert [one["share"] for one in scenes.header.sampler["numbers"]] == [1 / 16, 1 / 16, 1 / 8, 1 / 8, 5 / 16, 5 / 16]
+    assert scenegen.parse(spec.source).counts == spec.counts
+    with pytest.raises(scenegen.RequestError, match="the spec draws 1, 2 or 4"):
+        spec.with_counts({"block": 3})
+
+
+def test_a_number_that_is_not_listed_is_refused(tmp_path):
+    scenes = scenegen.sample(scenegen.parse(WEIGHTED), (0.0, None), n=16, seed=5)
+    data = json.loads(scenes.save(tmp_path / "a.json").read_bytes())
+    assert data["counts"][0] == {"name": "block", "least": 1, "most": 4, "listed": [1, 2, 4]}
+    scene = next(one for one in data["scenes"] if one["counts"]["block"] == 4)
+    del scene["poses"]["block[4]"]
+    scene["counts"]["block"] = 3
+    (tmp_path / "b.json").write_text(json.dumps(data))
+    with pytest.raises(DataError, match="there cannot be 3 of `block`"):
+        scenegen.read_scenes(tmp_path / "b.json")
+
+
+def test_pairs_have_the_shares_of_weighted_numbers():
+    pairs = scenegen.pairs(scenegen.parse(WEIGHTED), (0.0, None), n=16, seed=5)
+    assert np.bincount(pairs.counts["block"]).tolist() == [0, 2, 4, 0, 10]
+
+
+def test_rarity_is_the_mean_by_weights():
+    """With c cups right of the mug, all of them: P = 1 / (c + 1), by symmetry."""
+    text = "object cup[{}], mug\ntask: forall c in cup: leftOf(mug, c)\n"
+    found = scenegen.rarity(scenegen.parse(text.format("1: 3, 3: 1")), seed=1).labels[0]
+    share = 10 ** next(one.above.log10 for one in found.levels if one.phi == 0.0)
+    assert share == pytest.approx((3 / 2 + 1 / 4) / 4, rel=0.03)

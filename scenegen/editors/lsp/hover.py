@@ -266,7 +266,7 @@ def thing(document: Document, binding: Binding) -> str:
     if binding.is_array:
         count = sum(one.startswith(f"{binding.name}[") for one in spec.objects)
         drawn = next((one for one in spec.counts if one.name == binding.name), None)
-        return f"{count if drawn is None else f'{drawn.least} to {drawn.most}'} of {words}"
+        return f"{count if drawn is None else drawn.words} of {words}"
     if index in spec.fixed:
         x, y, theta = spec.fixed[index]
         return f"{words}; held at ({x:.4g}, {y:.4g}), heading {theta:.4g} rad"

@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Any, TypeGuard
 
 from scenegen.errors import Span
-from scenegen.errors.declarations import NO_OBJECTS, WORKSPACE_OF_ITSELF
+from scenegen.errors.declarations import NO_OBJECTS, WORKSPACE_OF_ITSELF, WRONG_WEIGHT
 from scenegen.errors.language import (
     EQUALITY,
     MISPLACED_VALUE,
@@ -239,6 +239,8 @@ class FormulaLowering(Lowering):
                 return temporal(self, node, env, frame)
             case ast.Range():
                 raise self.error(MISPLACED_VALUE, node, frame)
+            case ast.Weighted():
+                raise self.error(WRONG_WEIGHT, node, frame)
         raise AssertionError(f"the resolver let {type(node).__name__} pass")
 
     def at_once(self, node: ast.Expr, env: Environment, frame: CallFrame) -> Value | None:

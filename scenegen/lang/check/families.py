@@ -11,6 +11,7 @@ import hashlib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,7 @@ from scenegen.lang.check.imports import Project
 from scenegen.lang.check.names import bind
 from scenegen.lang.check.regions import SIGNATURES
 from scenegen.lang.check.scope import DeclaredObject, Scope
+from scenegen.lang.check.weights import refuse_fine_weights, whole_weights
 from scenegen.lang.spec import CheckedSpec, Count, Support, combinations, numbers_text
 from scenegen.lang.syntax import ast
 from scenegen.things import Shape
@@ -187,11 +189,12 @@ MOST_COMBINATIONS = 64  # of numbers of things and assets: each is a spec of its
 @dataclass(frozen=True, slots=True)
 class Category:
     """What an object, or each element of an array, can be: one of `assets`; `picks` (one each, from 1) says which, 0 is
-    drawn. `path` is what the spec calls the category."""
+    drawn, as often as `weights` say; none: all are equally likely. `path` is what the spec calls the category."""
 
     path: str
     assets: tuple[Shape, ...]
     picks: tuple[int, ...]
+    weights: tuple[int, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -213,7 +216,7 @@ def category_of(
     if one is None or not isinstance(one.shape, ast.Call) or not is_category(one.shape):
         return None
     here = one.shape.span(thing.source)
-    if isinstance(one.count, ast.Range):
+    if isinstance(one.count, ast.Range | ast.Weighted):
         raise SpecError(NOT_OF_CATEGORY(here, name=thing.name.id, what="how many there are of it is drawn as well"))
     given = bind(one.shape, SIGNATURE, thing.source)
     if not isinstance(given, dict):
@@ -227,8 +230,9 @@ def category_of(
     for name in ("most", "seed"):
         if "assets" in given and name in given:  # which has chosen already
             raise SpecError(NOT_A_CATEGORY(given[name].span(thing.source), usage=SIGNATURE.usage))
+    weights: tuple[int, ...] = ()
     if "assets" in given:
-        assets = _listed_shapes(given["assets"], thing, outline_of)
+        assets, weights = _listed_shapes(given["assets"], thing, outline_of)
     else:
         names = _category_folders(path.value, path.span(thing.source), project)
         folder = path.value.replace("\\", "/").rpartition("/")[0]
@@ -236,8 +240,10 @@ def category_of(
         _refuse_many(len(chosen) ** count, here, thing)  # before any mesh is read
         at = path.span(thing.source)
         assets = tuple(asset_shape(f"{folder}/{name}" if folder else name, at, project) for name in chosen)
+        entries = entries_of(path.value, at, project)
+        weights = _unequal([Fraction(repr(entries[name].weight)) for name in chosen])
     picks = _picks(given.get("pick"), count, len(assets), thing)
-    return Category(path.value, assets, picks)
+    return Category(path.value, assets, picks, weights)
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,14 +274,17 @@ def variants(scope: Scope, found: Mapping[str, Category], counts: Mapping[str, i
             element = f"{name}[{number + 1}]" if thing.is_array else name
             pick = category.picks[number] or counts.get(element, 0) or (1 if len(category.assets) == 1 else 0)
             if not category.picks[number] and len(category.assets) > 1:
-                scope.counts[element] = Count(element, 1, len(category.assets), category.names)
-            each = [(f"{element}:{one}", shape) for one, shape in zip(category.names, category.assets, strict=True)]
-            made.names[place], made.shapes[place] = each[max(0, pick - 1)]
+                each = category.names, (), category.weights
+                scope.counts[element] = Count(element, 1, len(category.assets), *each)
+            known = [(f"{element}:{one}", shape) for one, shape in zip(category.names, category.assets, strict=True)]
+            made.names[place], made.shapes[place] = known[max(0, pick - 1)]
             if not pick:
-                made.more.extend((place, *one) for one in each[1:])
+                made.more.extend((place, *one) for one in known[1:])
         assert thing.declaration is not None and thing.declaration.shape is not None
         drawn = [one for one in scope.counts.values() if one.name not in counts]
-        _refuse_many(math.prod(len(one.numbers) for one in drawn), thing.declaration.shape.span(thing.source), thing)
+        here = thing.declaration.shape.span(thing.source)
+        _refuse_many(math.prod(len(one.numbers) for one in drawn), here, thing)
+        refuse_fine_weights(drawn, here)
     return made
 
 
@@ -335,13 +344,21 @@ def _picks(expr: ast.Expr | None, count: int, most: int, thing: DeclaredObject) 
     return picks
 
 
-def _listed_shapes(expr: ast.Expr, thing: DeclaredObject, outline_of: Callable[[ast.Expr], Shape]) -> tuple[Shape, ...]:
-    """The assets of a canonical text."""
+def _unequal(weights: Sequence[Fraction]) -> tuple[int, ...]:
+    """Weights as whole numbers; none where they are all the same."""
+    return whole_weights(weights) if len(set(weights)) > 1 else ()
+
+
+def _listed_shapes(
+    expr: ast.Expr, thing: DeclaredObject, outline_of: Callable[[ast.Expr], Shape]
+) -> tuple[tuple[Shape, ...], tuple[int, ...]]:
+    """The assets of a canonical text, and their weights."""
     found: list[Shape] = []
-    for item in expr.items if isinstance(expr, ast.List) else ():
+    for item in expr.items if isinstance(expr, ast.List | ast.Weighted) else ():
         if not isinstance(item, ast.Call) or item.function.id != "asset" or len(item.arguments) != 2:
             raise SpecError(NOT_A_CATEGORY(item.span(thing.source), usage=SIGNATURE.usage))
         found.append(outline_of(item))
     if not found or len({index_of(one.path)[1] for one in found}) < len(found):
         raise SpecError(NOT_A_CATEGORY(expr.span(thing.source), usage=SIGNATURE.usage))
-    return tuple(found)
+    weights = expr.weights if isinstance(expr, ast.Weighted) else ()
+    return tuple(found), tuple(_number(one, thing, 0) for one in weights)

@@ -22,6 +22,7 @@ from scenegen.errors.declarations import (
     UNUSABLE_SHAPE_FILE,
     WRONG_DRAWERS,
     WRONG_NUMBER_OF_PLACES,
+    WRONG_WEIGHT,
 )
 from scenegen.errors.language import EMPTY_RANGE
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, convex_hull
@@ -41,6 +42,7 @@ from scenegen.lang.check.names import BUILT, FILE_SHAPES, SHAPE_WORDS, bind
 from scenegen.lang.check.regions import SIGNATURES, Arguments, arguments, color, corners, number, point, size
 from scenegen.lang.check.scope import DeclaredObject, Scope
 from scenegen.lang.check.values import CallFrame, ListValue, NumberValue, Point
+from scenegen.lang.check.weights import refuse_fine_weights, weights_of, whole_weights
 from scenegen.lang.spec import Count, Pose
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.printer import print_expr, print_module
@@ -171,7 +173,7 @@ def name_objects(
         if one is None or one.count is None:
             objects[thing.name.id] = len(objects)
         else:
-            if isinstance(one.count, ast.Range):
+            if isinstance(one.count, ast.Range | ast.Weighted):
                 drawn = _drawn_count(lowering, thing.name.id, one.count, thing.source, len(objects))
                 lowering.scope.counts[thing.name.id] = drawn
                 count = (counts or {}).get(thing.name.id, drawn.most)
@@ -197,17 +199,41 @@ def _count(lowering: Lowering, expr: ast.Expr, source: Source, before: int) -> i
     return count
 
 
-def _drawn_count(lowering: Lowering, name: str, drawn: ast.Range, source: Source, before: int) -> Count:
+def _drawn_count(lowering: Lowering, name: str, drawn: ast.Range | ast.Weighted, source: Source, before: int) -> Count:
+    if isinstance(drawn, ast.Weighted):
+        made = _weighted_numbers(lowering, name, drawn, source, before)
+    else:
+        made = _range(lowering, name, drawn, source, before)
+    known = [one for one in lowering.scope.counts.values() if one.name != name]
+    combinations = math.prod(len(one.numbers) for one in (*known, made))
+    if combinations > MOST_COMBINATIONS:
+        raise SpecError(TOO_MANY_COUNTS(drawn.span(source), combinations=combinations, limit=MOST_COMBINATIONS))
+    refuse_fine_weights((*known, made), drawn.span(source))
+    return made
+
+
+def _range(lowering: Lowering, name: str, drawn: ast.Range, source: Source, before: int) -> Count:
     least, most = (_count(lowering, end, source, before) for end in (drawn.lowest, drawn.highest))
     if least > most:
         written = isinstance(drawn.lowest, ast.Quantity) and isinstance(drawn.highest, ast.Quantity)
         instead = f"{most}..{least}" if written else None
         raise SpecError(EMPTY_RANGE(drawn.span(source), lowest=least, highest=most, instead=instead))
-    known = lowering.scope.counts.values()
-    combinations = math.prod(len(one.numbers) for one in known if one.name != name) * (most - least + 1)
-    if combinations > MOST_COMBINATIONS:
-        raise SpecError(TOO_MANY_COUNTS(drawn.span(source), combinations=combinations, limit=MOST_COMBINATIONS))
     return Count(name, least, most)
+
+
+def _weighted_numbers(lowering: Lowering, name: str, drawn: ast.Weighted, source: Source, before: int) -> Count:
+    numbers = [_count(lowering, item, source, before) for item in drawn.items]
+    for place, item in enumerate(drawn.items):
+        if numbers[place] in numbers[:place]:
+            raise SpecError(WRONG_WEIGHT(item.span(source), twice=numbers[place]))
+    weights = weights_of(lowering, drawn, source)
+    if len(numbers) == 1:
+        facts = {"name": name, "least": numbers[0], "most": max(numbers[0] + 1, math.ceil(weights[0]))}
+        raise SpecError(WRONG_WEIGHT(drawn.span(source), alone=True, **facts))
+    order = sorted(zip(numbers, whole_weights(weights), strict=True))
+    return Count(
+        name, order[0][0], order[-1][0], (), tuple(one for one, _ in order), tuple(weight for _, weight in order)
+    )
 
 
 def shape(lowering: Lowering, thing: DeclaredObject, name: str, project: Project) -> Shape:
@@ -395,7 +421,7 @@ def canonical(draft: Draft, counts: Mapping[str, int]) -> str:
 def _resolve_declaration(draft: Draft, one: ast.Declaration, counts: Mapping[str, int]) -> ast.Declaration:
     """The declaration with every file's outline written out, and every number that is drawn no more."""
     name, shape, count = one.name.id, one.shape, one.count
-    if isinstance(count, ast.Range) and name in counts:
+    if isinstance(count, ast.Range | ast.Weighted) and name in counts:
         count = ast.Quantity(str(counts[name]), "")
     if name in draft.kinds:
         shape = _category(draft.kinds[name], category_picks(name, draft.kinds[name], one.count is not None, counts))
@@ -409,7 +435,9 @@ def _category(kind: Category, picks: Sequence[int]) -> ast.Call:
     """The category with its assets and their outlines; with what is drawn no more."""
     each = tuple(_call("asset", ast.Text(one.path), _outline(one)) for one in kind.assets)
     picked = [ast.List(tuple(ast.Quantity(str(pick), "") for pick in picks))] if any(picks) else []
-    return _call(WORD, ast.Text(kind.path), ast.List(each), *picked)
+    weights = tuple(ast.Quantity(str(one), "") for one in kind.weights)
+    assets = ast.Weighted(each, weights) if weights else ast.List(each)
+    return _call(WORD, ast.Text(kind.path), assets, *picked)
 
 
 def _outline(looks: Shape) -> ast.Call:

@@ -180,7 +180,7 @@ def areas(lowering: Lowering, declared: Declared) -> None:
             raise SpecError(LEVEL_COUNT(statement.span(source), name=name, count=1, levels=len(levels)))
         lowering.areas[name] = replace(flat, z=levels[0]) if levels else flat
         return
-    if isinstance(statement.count, ast.Range):
+    if isinstance(statement.count, ast.Range | ast.Weighted):
         raise SpecError(LEVEL_COUNT(statement.count.span(source), name=name, levels=len(levels) or None))
     given: Value = lowering.evaluate(statement.count, CallFrame(source))
     frame = CallFrame(source)

@@ -34,6 +34,7 @@ from scenegen.geometry.workspace import BOARD, Workspace
 from scenegen.lang.check.objects import not_open
 from scenegen.lang.check.scope import DeclaredObject
 from scenegen.lang.check.values import Area, CallFrame, ListValue, ObjectValue, RegionValue, SurfaceValue, Value
+from scenegen.lang.check.weights import weights_of
 from scenegen.lang.formula.builder import FALSE, TRUE
 from scenegen.lang.formula.core import Apply, Atom, Const, Junction
 from scenegen.lang.spec import Pose, Support, SurfaceChoice, carriers_first
@@ -79,7 +80,7 @@ def _choices(
 ) -> dict[int, Options]:
     """The surfaces of `on any of [...]`, the same for each object."""
     parts: list[tuple[Value, Span]]
-    if isinstance(written, ast.List):
+    if isinstance(written, ast.List | ast.Weighted):
         parts = [(lowering.evaluate(part, frame), part.span(here.source)) for part in written.items]
     else:
         value = lowering.evaluate(written, frame)
@@ -125,7 +126,10 @@ def choices(
         for place in lowering.scope.arrays.get(thing.name.id) or (lowering.scope.objects[thing.name.id],):
             if len(found[place]) > 1:
                 upper, by_area = lowering.shapes[place].footprint, one.choice == "area"
-                chosen[place] = choose(upper, found[place], count + len(chosen), by_area=by_area)
+                weights = [1.0] * len(found[place])
+                if isinstance(one.support, ast.Weighted):
+                    weights = [*map(float, weights_of(lowering, one.support, thing.source))]
+                chosen[place] = choose(upper, found[place], weights, count + len(chosen), by_area=by_area)
     return chosen
 
 
@@ -327,16 +331,18 @@ def area_of(upper: Footprint, one: Support) -> float:
     return standing_area(upper if one.walled else POINT, one.outline)
 
 
-def choose(upper: Footprint, options: Sequence[Support], switch: int, *, by_area: bool) -> SurfaceChoice:
-    """The choice among some surfaces, equally likely or by the area on which the object can stand.
+def choose(
+    upper: Footprint, options: Sequence[Support], weights: Sequence[float], switch: int, *, by_area: bool
+) -> SurfaceChoice:
+    """The choice among some surfaces, as likely as their weights say, or these times the area on which the object can
+    stand.
 
     All share one box of centres, and centres that are not on the surface chosen are left out. That alone makes a
     surface as likely as its area is large; for equal shares, its part of the switch is the larger the smaller it is.
     """
-    weights = [1.0 if by_area else 1.0 / area_of(upper, one) for one in options]
     total, ends = 0.0, []
-    for weight in weights:
-        total += weight
+    for weight, one in zip(weights, options, strict=True):
+        total += weight if by_area else weight / area_of(upper, one)
         ends.append(total)
     return SurfaceChoice(switch, tuple(options), (*(end / total for end in ends[:-1]), 1.0))
 

@@ -57,6 +57,14 @@ class List(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class Weighted(Node):
+    """[fridge: 7, table: 3]: things of which each scene has one, and how often each compared with the others."""
+
+    items: tuple[Expr, ...]
+    weights: tuple[Expr, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Argument(Node):
     """One argument of a call; `name` is set where it was given by name."""
 
@@ -172,6 +180,7 @@ Expr = (
     | Truth
     | Point
     | List
+    | Weighted
     | Call
     | Member
     | Index
@@ -200,9 +209,9 @@ Chosen = Literal["", "equal", "area"]  # how an object chooses what it stands on
 
 @dataclass(frozen=True, slots=True)
 class Declaration(Node):
-    """One object, or an array of `count` of them: a number, or a Range from which their number is drawn. `choice` is
-    set where `support` names several surfaces of which each object stands on one: all equally likely, or by their
-    area."""
+    """One object, or an array of `count` of them: a number, or a Range or Weighted from which their number is drawn.
+    `choice` is set where `support` names several surfaces of which each object stands on one: all equally likely, or by
+    their area; times their weights, where it is Weighted."""
 
     name: Name
     count: Expr | None
@@ -309,6 +318,8 @@ def children(node: Expr | Argument) -> tuple[Expr | Argument, ...]:
             return node.coordinates
         case List():
             return node.items
+        case Weighted():
+            return tuple(part for pair in zip(node.items, node.weights, strict=True) for part in pair)
         case Range():
             return (node.lowest, node.highest)
         case Quantifier():

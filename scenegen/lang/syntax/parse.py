@@ -221,15 +221,16 @@ class Builder:
         return ast.Declaration(name, count, shape, pose, support, choice, **_extent(items))
 
     def count(self, items: list[Any]) -> _DeclarationPart:
-        return _DeclarationPart("count", items[1], _start(items[0]), _end(items[-1]))
+        (count,) = _nodes(items)
+        return _DeclarationPart("count", count, _start(items[0]), _end(items[-1]))
 
     def shape(self, items: list[Any]) -> _DeclarationPart:
         return _DeclarationPart("shape", items[1], _start(items[0]), _end(items[-1]))
 
     def support(self, items: list[Any]) -> _DeclarationPart:
         words = {item.type for item in items if isinstance(item, Token)}
-        choice: ast.Chosen = "area" if "BY_AREA" in words else "equal" if "ANY" in words else ""
         (surface,) = _nodes(items)
+        choice: ast.Chosen = "area" if "BY_AREA" in words else "equal" if "ANY" in words else ""
         return _DeclarationPart("support", surface, _start(items[0]), _end(items[-1]), choice)
 
     def pose(self, items: list[Any]) -> _DeclarationPart:
@@ -346,6 +347,14 @@ class Builder:
 
     def list_(self, items: list[Any]) -> ast.List:
         return ast.List(tuple(_nodes(items)), **_extent(items))
+
+    def weighted(self, items: list[Any]) -> ast.Weighted:
+        pairs = _nodes(items)
+        return ast.Weighted(tuple(one for one, _ in pairs), tuple(weight for _, weight in pairs), **_extent(items))
+
+    def weight(self, items: list[Any]) -> tuple[ast.Expr, ast.Expr]:
+        one, weight = _nodes(items)
+        return one, weight
 
     def point(self, items: list[Any]) -> ast.Point:
         return ast.Point(tuple(_nodes(items)), **_extent(items))

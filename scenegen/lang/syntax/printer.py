@@ -187,6 +187,12 @@ def _pieces(part: ExpressionPart) -> Pieces:
             yield from _enclose("(", ([ExpressionPart(one, 0)] for one in coordinates), ")")
         case ast.List(items):
             yield from _enclose("[", ([ExpressionPart(one, 0)] for one in items), "]", fill=True)
+        case ast.Weighted(items, weights):
+            pairs = zip(items, weights, strict=True)
+            weighed: Iterable[Iterable[str | Mark | ExpressionPart]] = (
+                [ExpressionPart(one, IMPLIES), ":", SPACE, ExpressionPart(weight, SUM)] for one, weight in pairs
+            )
+            yield from _enclose("[", weighed, "]", fill=True)
         case ast.Call(function, arguments):
             yield function.id
             yield from _enclose("(", map(_argument, arguments), ")")
@@ -322,7 +328,9 @@ def _window(window: ast.Interval | None) -> Pieces:
 
 def _declaration(one: ast.Declaration) -> Pieces:
     yield one.name.id
-    if one.count is not None:
+    if isinstance(one.count, ast.Weighted):
+        yield ExpressionPart(one.count, POSTFIX)
+    elif one.count is not None:
         yield from ("[", ExpressionPart(one.count, 0 if isinstance(one.count, ast.Range) else SUM), "]")
     if one.shape is not None:
         of = isinstance(one.shape, ast.Call) and one.shape.function.id == "category"

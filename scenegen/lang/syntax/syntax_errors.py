@@ -160,6 +160,8 @@ def explain(source: Source, error: UnexpectedToken | UnexpectedCharacters, timed
         accepts = set(error.allowed or ())
     else:
         return _at_end(source, set(error.accepts or error.expected or ()))
+    if "RSQB" in accepts:  # a weight is seldom what was meant
+        accepts.discard("COLON")
     return (
         explain_time(source, start, end, accepts, timed)
         or _unfinished_statement(source, start, end, accepts)

@@ -3,7 +3,8 @@
 How n scenes are spread over the cells although no process ever holds more than a few blocks of them:
 
 * Scene number i of the output (before the shuffle within its block) belongs to cell i mod C of the C reached cells in a
-  fixed order. With groups of cells it belongs to group i mod G, and there to the next cell. So every block of 65,536
+  fixed order. With groups of cells it belongs to group i mod G, and there to the next cell; a group of weight w has w
+  turns of a round. So every block of 65,536
   is spread as evenly as integers allow, and so are all n together; the order of the cells (multiples of the golden
   ratio) determines which cells get an additional scene, at even distances.
 * Candidates are offered in the order of the pieces. A cell keeps the first ones, as many as the current block and the
@@ -74,6 +75,7 @@ class BlockAssembler:
         seed: int,
         size: int = BLOCK,
         groups: Sequence[Sequence[int]] | None = None,
+        weights: Sequence[int] | None = None,
     ) -> None:
         shift = np.random.default_rng(np.random.SeedSequence([seed, BLOCK_ORDER_STREAM])).random()
         cells = np.array(sorted(reached), dtype=np.intp)
@@ -85,12 +87,12 @@ class BlockAssembler:
         self._index[cells] = np.arange(len(cells))
         self._turn = np.empty(len(cells), dtype=np.intp)  # the place of each cell in the order of its group
         self._many = np.empty(len(cells), dtype=np.intp)  # how many cells its group has
-        self._late = np.empty(len(cells), dtype=np.intp)  # the place of its group in the order of groups
-        self._groups = len(groups)
-        for late, group in zip(_order(np.arange(self._groups), shift), groups, strict=True):
+        self._group = np.empty(len(cells), dtype=np.intp)
+        self._turns_of_groups = _round(weights or (1,) * len(groups), shift)
+        for number, group in enumerate(groups):
             mine = self._index[np.array(sorted(group), dtype=np.intp)]
             self._turn[mine], self._many[mine] = _order(cells[mine], shift), len(mine)
-            self._late[mine] = late
+            self._group[mine] = number
         self._wanted, self._seed, self._size = wanted, seed, size
         self._waiting: list[tuple[Block, Cell]] = []  # with the index of each scene's cell
         self._count = np.zeros(len(cells), dtype=np.intp)  # of those that wait, by index of the cell
@@ -162,7 +164,11 @@ class BlockAssembler:
 
     def _shares(self, start: int, stop: int) -> Cell:
         """How many of the scenes `start` up to `stop` belong to each cell."""
-        first, last = (_turns(end, self._late, self._groups) for end in (start, stop))
+        size = sum(map(len, self._turns_of_groups))
+        first, last = (
+            np.array([_turns(end, turns, size).sum() for turns in self._turns_of_groups])[self._group]
+            for end in (start, stop)
+        )
         shares: Cell = _turns(last, self._turn, self._many) - _turns(first, self._turn, self._many)
         return shares
 
@@ -224,6 +230,16 @@ def _order(cells: Cell, shift: float) -> Cell:
     return turn
 
 
+def _round(weights: Sequence[int], shift: float) -> list[Cell]:
+    """The places of each group in a round of sum(weights) scenes, as far from each other as can be."""
+    order = _order(np.arange(len(weights)), shift).tolist()
+    places = sorted(
+        ((turn + 0.5) / weight, order[group], group) for group, weight in enumerate(weights) for turn in range(weight)
+    )
+    owner = np.array([group for _, _, group in places], dtype=np.intp)
+    return [np.flatnonzero(owner == group) for group in range(len(weights))]
+
+
 def _turns(end: Any, turn: Cell, count: Any) -> Any:
     """How many of `end` turns are those of place `turn` among `count`."""
     return (end - turn + count - 1) // count
@@ -255,7 +271,9 @@ class RunProgress:
 
     def __post_init__(self) -> None:
         plan = self.plan
-        self.assembler = BlockAssembler(plan.reached_cells, plan.scenes_wanted, plan.seed, self.size, plan.groups)
+        self.assembler = BlockAssembler(
+            plan.reached_cells, plan.scenes_wanted, plan.seed, self.size, plan.groups, plan.weights
+        )
 
     def follow(self, pieces: Iterator[Any], spent: Callable[[], bool], progress: Progress | None) -> Iterator[Any]:
         """The pieces, one after the other, until the run ends or its time is `spent`; `take` gets each."""

@@ -21,7 +21,16 @@ from scenegen.arrays import Array
 from scenegen.errors import DataError
 from scenegen.errors.files import BAD_LINE, OTHER_LABELS
 from scenegen.pose import NAMES, row_count, rows_of
-from scenegen.scenes.blocks import BLOCK, Block, SceneFileReading, check_finite, counts_in, member_of, regroup
+from scenegen.scenes.blocks import (
+    BLOCK,
+    Block,
+    SceneFileReading,
+    check_finite,
+    counts_in,
+    member_of,
+    possible_numbers,
+    regroup,
+)
 from scenegen.scenes.data import SceneData, SceneFile, chosen_surface
 from scenegen.scenes.files import open_input
 from scenegen.scenes.formats.header import (
@@ -203,7 +212,7 @@ class NumberedLines:
         match = self._pattern.fullmatch(head)
         counts = () if match is None else tuple(map(int, match.groups()))
         drawn = self._header.counts
-        if match is None or any(not one.least <= many <= one.most for one, many in zip(drawn, counts, strict=True)):
+        if match is None or any(many not in possible_numbers(one) for one, many in zip(drawn, counts, strict=True)):
             return None
         self._heads[head] = self._member(counts)
         return self._heads[head]

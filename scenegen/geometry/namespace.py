@@ -61,8 +61,9 @@ class Namespace(Protocol):
         ...
 
     def only(self, condition: Any, function: Callable[..., Any], otherwise: Any, *numbers: Any) -> Any:
-        """function(namespace, *numbers) where the condition holds, `otherwise` elsewhere. It gets arrays (n,), of those
-        places alone where that saves work, and gives one; it may have an axis more in between."""
+        """function(namespace, *numbers) where the condition holds, `otherwise` elsewhere. It gets arrays (n,) and
+        constants, of those places alone where that saves work, and gives an array; it may have an axis more in
+        between."""
         ...
 
     def spread(self, low: Any, high: Any, count: int) -> Any:
@@ -93,7 +94,7 @@ def _math_only(condition: bool, function: Callable[..., Any], otherwise: float, 
 def _numpy_only(condition: Any, function: Callable[..., Any], otherwise: Any, *numbers: Any) -> Any:
     out = np.array(np.broadcast_to(otherwise, np.shape(condition)))
     if np.any(condition):
-        some = (np.broadcast_to(number, out.shape)[condition] for number in numbers)
+        some = (np.broadcast_to(one, out.shape)[condition] if np.ndim(one) else one for one in numbers)
         out[condition] = function(NUMPY, *some)
     return out
 

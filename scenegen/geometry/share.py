@@ -11,7 +11,7 @@ is covered, and below 0, to -1 at most, by how far the silhouette is inside of a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import reduce
 from typing import Any
 
@@ -40,10 +40,35 @@ def visible_share(ns: Namespace, *given: Any) -> Any:
     least = reduce(ns.minimum, gaps)
     clear = 1.0 + ns.maximum(least, 0.0 * least) / CLEAR
 
-    def covered(inner: Namespace, *some: Any) -> Any:
-        return _share(inner, shapes, some)
+    # Sizes may be numbers, too: of many bodies that are alike but for them (scenegen.learn.robustness.deciding).
+    sizes = [size for shape in shapes for size in _sizes(shape)]
 
-    return ns.only(least < 0.0, covered, clear, *numbers)
+    def covered(inner: Namespace, *some: Any) -> Any:
+        left = iter(some[len(numbers) :])
+        bodies = [_with_sizes(shape, left) for shape in shapes]
+        return _share(inner, bodies, some)
+
+    return ns.only(least < 0.0, covered, clear, *numbers, *sizes)
+
+
+def _sizes(shape: Footprint) -> tuple[Any, ...]:
+    match shape:
+        case Circle(radius):
+            return (radius,)
+        case Box(length, width):
+            return length, width
+        case _:
+            return ()
+
+
+def _with_sizes(shape: Footprint, sizes: Iterator[Any]) -> Footprint:
+    match shape:
+        case Circle():
+            return Circle(next(sizes))
+        case Box():
+            return Box(next(sizes), next(sizes))
+        case _:
+            return shape
 
 
 def _parts(given: Sequence[Any]) -> tuple[list[Footprint], list[Any]]:

@@ -86,14 +86,16 @@ def _where(condition: Tensor, a: Tensor, b: Tensor) -> Tensor:
     return torch.where(condition, a, b)
 
 
-def _only(condition: Tensor, function: Callable[..., Any], otherwise: Tensor, *numbers: Tensor) -> Tensor:
+def _only(condition: Tensor, function: Callable[..., Any], otherwise: Tensor, *numbers: Any) -> Tensor:
     if _functorch.maybe_current_level() is not None:  # how many hold is not known where functions are transformed
         shape = torch.broadcast_shapes(condition.shape, (1,))
-        value = function(TORCH, *(number.expand(shape) for number in numbers))
+        value = function(TORCH, *(one.expand(shape) if isinstance(one, Tensor) and one.ndim else one for one in numbers))
         return torch.where(condition, value.reshape(condition.shape), otherwise)
     out = otherwise.expand(condition.shape).clone()
     if bool(condition.any()):
-        some = (number.expand(condition.shape)[condition] for number in numbers)
+        some = (
+            one.expand(condition.shape)[condition] if isinstance(one, Tensor) and one.ndim else one for one in numbers
+        )
         out[condition] = function(TORCH, *some)
     return out
 

@@ -46,9 +46,10 @@ def visible_share(ns: Namespace, *given: Any) -> Any:
     def covered(inner: Namespace, *some: Any) -> Any:
         left = iter(some[len(numbers) :])
         bodies = [_with_sizes(shape, left) for shape in shapes]
-        return _share(inner, bodies, some)
+        return (_share(inner, bodies, some),)
 
-    return ns.only(least < 0.0, covered, clear, *numbers, *sizes)
+    (share,) = ns.only(least < 0.0, covered, (clear,), *numbers, *sizes)
+    return share
 
 
 def _sizes(shape: Footprint) -> tuple[Any, ...]:
@@ -188,9 +189,15 @@ def _share(ns: Namespace, shapes: Sequence[Footprint], numbers: Sequence[Any]) -
     starts, ends, depth = [], [], 0.0 * total
     for number, shape in enumerate(shapes[1:]):
         at = BODY + CAMERA + number * OTHER
-        begin, end = view.body(shape, numbers[at : at + BODY]).slices(rows)
-        hides = numbers[at + BODY] < 0.0
-        begin, end = ns.where(hides, begin, 0.0 * begin + FAR), ns.where(hides, end, 0.0 * end - FAR)
+        sizes = _sizes(shape)
+
+        def slices(inner: Namespace, *some: Any, shape: Footprint = shape) -> Any:
+            here, there = BODY, BODY + CAMERA
+            other = _View(inner, some[here:there]).body(_with_sizes(shape, iter(some[there + 1 :])), some[:here])
+            return other.slices(some[there])
+
+        numbers_of = (*numbers[at : at + BODY], *numbers[BODY : BODY + CAMERA], rows, *sizes)
+        begin, end = ns.only(numbers[at + BODY] < 0.0, slices, (FAR, -FAR), *numbers_of)
         slack = ns.minimum(left - begin, end - right)
         inside = reduce(ns.minimum, list(slack)) * (ROWS / size)
         depth = ns.maximum(depth, ns.minimum(inside, 0.0 * inside + 1.0))

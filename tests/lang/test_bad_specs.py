@@ -213,7 +213,7 @@ HELPS = {
     "object mug, plate\ntask := leftOf(mug, plate)": "write `:`",
     "object mug, plate\nx(mug) ~ uniform(0, 1)\ntask: leftOf(mug, plate)": PRIOR,
     "object mug, plate\nrequire x(mug) = uniform(0, 1)\ntask: leftOf(mug, plate)": PRIOR,
-    "x(mug) >= 25%": "write the share as a number, 0.25, times a length",
+    "x(mug) >= 25%": "write the share times a length: 25 % * 1 m",
     "closeTo(mug, plate, 5 in)": "write 12.7 cm",
     "closeTo(mug, plate, 2 ft)": "write 60.96 cm",
     "object red mug\ntask: x(mug) <= 1": COLOR,

@@ -86,7 +86,14 @@ def vocabulary(lowering: Lowering) -> GrammarNames:
     taken = {*scope.values(), *scope.functions()}
     free = [name for name in chain("pqrstuvw", (f"p{k}" for k in range(len(taken) + 2))) if name not in taken]
     own = frozenset(name for name, one in scope.definitions.items() if one.source is not scope.prelude)
-    names = {OBJECT: objects, REGION: (*regions, *surfaces), POINT: points, LIST: lists, HEADING: HEADING_WORDS, CAMERA: tuple(lowering.cameras)}
+    names = {
+        OBJECT: objects,
+        REGION: (*regions, *surfaces),
+        POINT: points,
+        LIST: lists,
+        HEADING: HEADING_WORDS,
+        CAMERA: tuple(lowering.cameras),
+    }
     return GrammarNames(names, (free[0], free[1]), own, scope.timed)
 
 

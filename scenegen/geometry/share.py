@@ -37,6 +37,9 @@ def visible_share(ns: Namespace, *given: Any) -> Any:
     """Of footprints, the first of which is that of the body, and numbers as BODY, CAMERA and OTHER say."""
     shapes, numbers = _parts(given)
     gaps = numbers[BODY + CAMERA + OTHER - 1 :: OTHER]
+    for number, shape in enumerate(shapes):
+        if isinstance(shape, Circle):  # whose heading may be that of other scenes
+            numbers[2 + (BODY + CAMERA + (number - 1) * OTHER if number else 0)] = 0.0
     least = reduce(ns.minimum, gaps)
     clear = 1.0 + ns.maximum(least, 0.0 * least) / CLEAR
 

@@ -61,8 +61,8 @@ class Namespace(Protocol):
         ...
 
     def only(self, condition: Any, function: Callable[..., Any], otherwise: Sequence[Any], *numbers: Any) -> Any:
-        """function(namespace, *numbers) where the condition holds, a tuple, and `otherwise` elsewhere. It gets constants,
-        and arrays with one axis in the place of the condition's last ones, cut down to those places where that saves
+        """function(namespace, *numbers) where the condition holds, a tuple, and `otherwise` elsewhere. It gets
+        constants, and arrays with one axis in the place of the condition's, cut down to those places where that saves
         work; axes before these stay."""
         ...
 

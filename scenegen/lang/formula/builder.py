@@ -64,6 +64,8 @@ def _pieces(nodes: Sequence[Node], objects: Sequence[str], index: int, demanded:
             return [f"{NAMES[axis]}({objects[which]})"]
         case Apply("neg", (value,)):
             return ["-", (value, 3)]
+        case Apply(primitive, args, _) if PRIMITIVES[primitive].crowd:
+            return [f"{PRIMITIVES[primitive].name}(", *_place(nodes, objects, args[:2]), ", ...)"]
         case Apply(primitive, args, shapes) if PRIMITIVES[primitive].spatial:
             return _spatial(nodes, objects, PRIMITIVES[primitive], args, shapes)
         case Apply(primitive, args) if primitive in _INFIX:

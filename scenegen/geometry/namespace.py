@@ -8,7 +8,7 @@ place on large batches.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -60,6 +60,16 @@ class Namespace(Protocol):
         """a where the condition holds, b elsewhere. Both are computed: neither may have a NaN gradient."""
         ...
 
+    def only(self, condition: Any, function: Callable[..., Any], otherwise: Sequence[Any], *numbers: Any) -> Any:
+        """function(namespace, *numbers) where the condition holds, a tuple, and `otherwise` elsewhere. It gets
+        constants, and arrays with one axis in the place of the condition's, cut down to those places where that saves
+        work; axes before these stay."""
+        ...
+
+    def spread(self, low: Any, high: Any, count: int) -> Any:
+        """(count, n), of arrays (n,): the middles of so many equal parts from one number to another."""
+        ...
+
 
 def _math_hypot(a: float, b: float) -> float:
     return math.sqrt(a * a + b * b)
@@ -75,6 +85,36 @@ def _math_excess(a: float, half: float) -> float:
 
 def _math_where(condition: bool, a: float, b: float) -> float:
     return a if condition else b
+
+
+def _math_only(condition: bool, function: Callable[..., Any], otherwise: Sequence[float], *numbers: float) -> Any:
+    if not condition:
+        return otherwise
+    return [float(value[0]) for value in function(NUMPY, *(np.array([number]) for number in numbers))]
+
+
+def _numpy_only(condition: Any, function: Callable[..., Any], otherwise: Sequence[Any], *numbers: Any) -> Any:
+    shape = np.shape(condition)
+    places = np.flatnonzero(condition)
+
+    def some(number: Any) -> Any:
+        before = np.shape(number)[: max(0, np.ndim(number) - len(shape))]
+        return np.broadcast_to(number, (*before, *shape)).reshape(*before, -1)[..., places]
+
+    if not places.size:
+        return [np.broadcast_to(other, shape) for other in otherwise]
+    found = function(NUMPY, *(some(one) if np.ndim(one) else one for one in numbers))
+    filled = []
+    for value, other in zip(found, otherwise, strict=True):
+        flat = np.broadcast_to(other, shape).reshape(-1)
+        whole = np.array(np.broadcast_to(flat, (*value.shape[:-1], flat.size)))
+        whole[..., places] = value
+        filled.append(whole.reshape(*value.shape[:-1], *shape))
+    return filled
+
+
+def _numpy_spread(low: Any, high: Any, count: int) -> Any:
+    return low + (high - low) * ((np.arange(count) + 0.5) / count)[:, None]
 
 
 def _math_turn(a: float) -> tuple[float, float]:
@@ -123,6 +163,8 @@ class _Math:
     excess = staticmethod(_math_excess)
     copysign = staticmethod(math.copysign)
     where = staticmethod(_math_where)
+    only = staticmethod(_math_only)
+    spread = staticmethod(_numpy_spread)
 
 
 class _Numpy:
@@ -143,6 +185,8 @@ class _Numpy:
     excess = staticmethod(_numpy_excess)
     copysign = staticmethod(np.copysign)
     where = staticmethod(np.where)
+    only = staticmethod(_numpy_only)
+    spread = staticmethod(_numpy_spread)
 
 
 MATH: Namespace = _Math()

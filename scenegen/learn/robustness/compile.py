@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
 from typing import Any, cast
@@ -86,6 +86,37 @@ def _where(condition: Tensor, a: Tensor, b: Tensor) -> Tensor:
     return torch.where(condition, a, b)
 
 
+def _only(condition: Tensor, function: Callable[..., Any], otherwise: Sequence[Any], *numbers: Any) -> Any:
+    if _functorch.maybe_current_level() is not None:  # how many hold is not known where functions are transformed
+        found = function(TORCH, *numbers)
+        return [
+            torch.where(condition, value, torch.as_tensor(other, dtype=value.dtype, device=value.device))
+            for value, other in zip(found, otherwise, strict=True)
+        ]
+    count, places = condition.numel(), condition.reshape(-1).nonzero()[:, 0]
+    if not len(places):
+        return [torch.as_tensor(other).expand(condition.shape) for other in otherwise]
+
+    def some(number: Any) -> Any:
+        if not isinstance(number, Tensor) or not number.ndim:
+            return number
+        before = number.shape[: max(0, number.ndim - condition.ndim)]
+        return number.expand(*before, *condition.shape).reshape(*before, count)[..., places]
+
+    filled = []
+    for value, other in zip(function(TORCH, *map(some, numbers)), otherwise, strict=True):
+        whole = torch.as_tensor(other, dtype=value.dtype, device=value.device).expand(condition.shape).reshape(-1)
+        whole = whole.expand(*value.shape[:-1], count).clone()
+        whole[..., places] = value
+        filled.append(whole.reshape(*value.shape[:-1], *condition.shape))
+    return filled
+
+
+def _spread(low: Tensor, high: Tensor, count: int) -> Tensor:
+    shares = (torch.arange(count, dtype=low.dtype, device=low.device) + 0.5) / count
+    return low + (high - low) * shares[:, None]
+
+
 class _TorchNamespace:
     minimum = staticmethod(torch.minimum)
     maximum = staticmethod(torch.maximum)
@@ -102,6 +133,8 @@ class _TorchNamespace:
     excess = staticmethod(_excess)
     copysign = staticmethod(_copysign)
     where = staticmethod(_where)
+    only = staticmethod(_only)
+    spread = staticmethod(_spread)
 
 
 TORCH: Namespace = _TorchNamespace()

@@ -163,12 +163,19 @@ HEIGHTS = {
     "load": "the centre of mass of a and all that stands on it, as a point",
 }
 
+ARMS = {
+    "armReach": "how far inside of an arm's reach from above a is, in metres; the fingers close `depth` below its top",
+    "handRoom": "how much room a hand has that is open around a at a yaw of its frame, in metres; `depth` below its top",
+    "yaws": "the yaws, of 12, at which a fits between the open fingers of an arm, as a list; else its narrowest",
+}
+
 # What the prelude says of heights, and the functions for it, came late: a spec may use these names for definitions of
 # its own. The prelude itself goes on with its own.
 REPLACEABLE = (
     *HEIGHTS,
     *("restsOn", "insideOf", "stackedOn", "stacked", "atLevel", "underneath", "supported", "stable"),
     *("reachableFromAbove", "noCollision"),
+    *(*ARMS, "reachable", "graspable"),
 )
 
 
@@ -208,6 +215,9 @@ def signatures(timed: bool = False) -> Mapping[str, Signature]:
         names = ("a", "b") if name == "apart" else ("items",) if name == "bodies" else ("a",)
         table[name] = Signature(name, names, len(names), usage=f"{name}({', '.join(names)})")
     table["surfaces"] = Signature("surfaces", ("a", "upper"), 1, usage="surfaces(a, upper)")
+    for name, more in (("armReach", ("depth",)), ("handRoom", ("yaw", "depth")), ("yaws", ())):
+        names = ("a", "arm", *more)
+        table[name] = Signature(name, names, len(names), usage=f"{name}({', '.join(names)})")
     table["others"] = Signature("others", ("a", "items"), 1, usage="others(a, items = objects)")
     return table
 
@@ -254,7 +264,7 @@ def collect(
                 continue
             places[name.id] = here
             _declare(scope, one.source, name, node)
-    if not any(isinstance(one.statement, ast.Objects) for one in placed):
+    if not any(isinstance(one.statement, ast.Objects) and not one.statement.are_robots for one in placed):
         scope.inferred = True
         _infer_objects(source, placed, bare, scope)
     return scope, problems

@@ -260,6 +260,9 @@ def openings(text: str, scanned: Iterable[Token]) -> Iterator[tuple[int, int]]:
             opens = _opens_label(text, token, previous, inside)
         else:
             opens = token.text in STATEMENTS and _opens_keyword(text, token, previous, following)
+            opens = opens or (
+                token.text == "robot" and token.first and following is not None and following.kind == "name"
+            )
         if opens:
             yield token.start, following.end if label and following is not None else token.end
             depth = braces = quantifiers = 0

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, edges
+from scenegen.geometry.footprint import Box, Circle, Footprint, PlacedBox, Polygon, edges
 from scenegen.geometry.namespace import Namespace
 
 # Clearance of two oriented boxes: the signed distance of b's centre from the octagon that a's shape sweeps round b's.
@@ -73,6 +73,8 @@ def gap(
     """The distance of two footprints; if they overlap, minus the smallest translation that separates them; in
     metres."""
     dx, dy = bx - ax, by - ay
+    if isinstance(a, PlacedBox) and isinstance(b, Circle | Box):
+        return _placed_gap(ns, a, b, dx, dy, ns.turn(a_theta), b_theta)
     if isinstance(a, Circle):
         if isinstance(b, Circle):
             return ns.hypot(dx, dy) - (a.radius + b.radius)
@@ -87,6 +89,15 @@ def gap(
     other = _separation(ns, b, _corners(a, *_into_frame(b_cos, b_sin, -dx, -dy), cos, -sin))
     apart = ns.maximum(one[0], other[0])
     return ns.where(apart > 0.0, ns.sqrt(ns.minimum(one[1], other[1])), apart)
+
+
+def _placed_gap(ns: Namespace, a: PlacedBox, b: Circle | Box, dx: Any, dy: Any, turn: Turn, b_theta: Any) -> Any:
+    (cos, sin), (x, y), (own_cos, own_sin) = turn, a.offset, a.turn
+    dx, dy = dx - (cos * x - sin * y), dy - (sin * x + cos * y)
+    cos, sin = cos * own_cos - sin * own_sin, sin * own_cos + cos * own_sin
+    if isinstance(b, Circle):
+        return _facing(ns, a.box, [_into_frame(cos, sin, dx, dy)]) - b.radius
+    return box_gap(ns, a.box, b, dx, dy, (cos, sin), ns.turn(b_theta))
 
 
 def room(

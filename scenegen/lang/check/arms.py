@@ -21,7 +21,7 @@ from scenegen.errors.declarations import (
 from scenegen.errors.language import SAME_ARGUMENT_TWICE
 from scenegen.geometry import MATH, Footprint
 from scenegen.geometry.clearance import reach
-from scenegen.geometry.footprint import Polygon
+from scenegen.geometry.footprint import Box, PlacedBox, place_box
 from scenegen.geometry.primitives import ANGLE, BARE, LENGTH
 from scenegen.lang.check.heights import MOST_CASES, ROUNDING, by_cases, height_in, level, pieces_of, pose_of
 from scenegen.lang.check.names import bind
@@ -229,19 +229,15 @@ def _extent(footprint: Footprint, heading: float) -> tuple[float, float]:
     return -reach(MATH, footprint, 0.0, 0.0, 0.0, heading + math.pi), reach(MATH, footprint, 0.0, 0.0, 0.0, heading)
 
 
-def hand_boxes(footprint: Footprint, arm: Arm, yaw: float) -> tuple[Polygon, Polygon, Polygon]:
+def hand_boxes(footprint: Footprint, arm: Arm, yaw: float) -> tuple[PlacedBox, PlacedBox, PlacedBox]:
     """Both open fingers and the palm in the frame of a thing. At this yaw, the direction in which the fingers close,
     the hand stands over the middle of the thing."""
     hand, cos, sin = arm.hand, math.cos(yaw), math.sin(yaw)
     along, across = (sum(_extent(footprint, heading)) / 2.0 for heading in (yaw, yaw + math.pi / 2.0))
 
-    def box(middle: float, length: float, width: float) -> Polygon:
-        ends, sides = (
-            (along + middle - length / 2.0, along + middle + length / 2.0),
-            (across - width / 2.0, across + width / 2.0),
-        )
-        corners = ((ends[0], sides[0]), (ends[1], sides[0]), (ends[1], sides[1]), (ends[0], sides[1]))
-        return Polygon(tuple((cos * u - sin * v, sin * u + cos * v) for u, v in corners))
+    def box(middle: float, length: float, width: float) -> PlacedBox:
+        u, v = along + middle, across
+        return place_box(Box(length, width), (cos * u - sin * v, sin * u + cos * v), yaw)
 
     aside = (hand.opening + hand.finger[0]) / 2.0
     return box(-aside, *hand.finger), box(aside, *hand.finger), box(0.0, *hand.palm[:2])

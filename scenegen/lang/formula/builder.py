@@ -29,7 +29,7 @@ from scenegen.pose import NAMES
 
 MAX_TEXT_LENGTH = 120  # characters; what is cut off is marked with three dots
 
-_SHAPES = {"Circle": "circle", "Box": "rect", "Polygon": "polygon"}  # regions, whose names the core does not keep
+_SHAPES = {"Circle": "circle", "Box": "rect", "Polygon": "polygon", "PlacedBox": "rect"}  # regions, whose names the core does not keep
 _INFIX = {"add": (1, "+"), "sub": (1, "-"), "mul": (2, "*"), "div": (2, "/")}
 
 

@@ -14,6 +14,7 @@ from scenegen.errors import Diagnostic, Source, Span
 from scenegen.errors.language import NOTHING_BESIDE, UNCLOSED, WRONG_BRACKET
 
 STATEMENTS = ("workspace", "object", "region", "const", "def", "require", "import")
+ROBOT = "robot"  # opens a statement too, before `NAME =`; elsewhere it is a name
 KEYWORDS = frozenset((*STATEMENTS, *"forall exists in at and or not implies true false".split()))
 
 # the words of time, which are keywords in a spec that has a `time` statement and names in any other
@@ -261,7 +262,7 @@ def openings(text: str, scanned: Iterable[Token]) -> Iterator[tuple[int, int]]:
         else:
             opens = token.text in STATEMENTS and _opens_keyword(text, token, previous, following)
             opens = opens or (
-                token.text == "robot" and token.first and following is not None and following.kind == "name"
+                token.text == ROBOT and token.first and following is not None and following.kind == "name"
             )
         if opens:
             yield token.start, following.end if label and following is not None else token.end

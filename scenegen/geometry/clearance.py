@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from scenegen.geometry.footprint import Box, Circle, Footprint, PlacedBox, Polygon, edges
+from scenegen.geometry.footprint import Box, Circle, Footprint, PlacedBox, Polygon, corners, edges
 from scenegen.geometry.namespace import Namespace
 
 # Clearance of two oriented boxes: the signed distance of b's centre from the octagon that a's shape sweeps round b's.
@@ -119,6 +119,35 @@ def room(
     a_cos, a_sin = ns.turn(a_theta)
     cos, sin = b_cos * a_cos + b_sin * a_sin, b_cos * a_sin - b_sin * a_cos
     return _inside(ns, b, _corners(a, x, y, cos, sin))
+
+
+def path_gap(
+    ns: Namespace, a: Footprint, ax: Any, ay: Any, a_theta: Any, px: Any, py: Any, qx: Any, qy: Any
+) -> Any:
+    """The distance of a footprint from the segment between two places; if they meet, minus the smallest translation
+    that separates them; in metres."""
+    ends = [(px - ax, py - ay), (qx - ax, qy - ay)]
+    if not isinstance(a, Circle):
+        cos, sin = ns.turn(a_theta)
+        ends = [_into_frame(cos, sin, *end) for end in ends]
+    (x, y), (u, v) = ends[0], (ends[1][0] - ends[0][0], ends[1][1] - ends[0][1])
+    square = u * u + v * v
+    some = ns.where(square > 0.0, square, 1.0)  # both ends may be one place
+
+    def from_segment(cx: Any, cy: Any) -> Any:
+        share = ns.clip(((cx - x) * u + (cy - y) * v) / some, 0.0, 1.0)
+        dx, dy = cx - (x + share * u), cy - (y + share * v)
+        return dx * dx + dy * dy
+
+    if isinstance(a, Circle):
+        return ns.sqrt(from_segment(0.0, 0.0)) - a.radius
+    outline = a if isinstance(a, Polygon) else Polygon(corners(a))
+    apart, nearest = _separation(ns, outline, ends)
+    sides = [((cy - y) * u - (cx - x) * v) / ns.sqrt(some) for cx, cy in outline.vertices]
+    across = ns.maximum(_fold(ns.minimum, sides), -_fold(ns.maximum, sides))
+    apart = ns.where(square > 0.0, ns.maximum(apart, across), apart)
+    nearest = ns.minimum(nearest, _fold(ns.minimum, [from_segment(cx, cy) for cx, cy in outline.vertices]))
+    return ns.where(apart > 0.0, ns.sqrt(nearest), apart)
 
 
 def reach(ns: Namespace, a: Footprint, ax: Any, ay: Any, a_theta: Any, heading: Any) -> Any:

@@ -362,7 +362,7 @@ def gap(
     turn = one.turn * a_half + other.turn * b_half
     ends, middle = _at_corners(clearance.gap, a, b, dx, dy, a_mid, b_mid, flip=False)
     bound = narrow(bound, middle - corner_distance(dx, dy) - turn, ends.max(0) + turn)
-    if isinstance(a, PlacedBox):  # hundreds of them make one formula, which is true where any of many is: they cut off little
+    if isinstance(a, PlacedBox):  # hundreds of them make one formula: more work for it would hardly pay
         return loosen(bound, rounding(one, other, ax, ay, at, bx, by, bt))
     slack = separations(dx, dy, at, bt, a, b, directions(bound.lo)).max(0)
     return loosen(narrow(bound, slack, math.inf), rounding(one, other, ax, ay, at, bx, by, bt))
@@ -388,6 +388,18 @@ def room(
     # For all poses: b, shrunk by the room, still contains the disc in a, so it is that wide.
     slack = np.minimum(slack, half_width(b) - max(one.inner, 0.0))
     return loosen(narrow(bound, -math.inf, slack), rounding(one, other, ax, ay, at, bx, by, bt))
+
+
+def path_gap(
+    a: Footprint, ax: Interval, ay: Interval, at: Interval, px: Interval, py: Interval, qx: Interval, qy: Interval
+) -> Interval:
+    """The value at the middle, and as much as moving and turning the footprint and moving the ends can change it."""
+    size, places = measures(a), (ax, ay, px, py, qx, qy)
+    x, y, turn, *ends = (split(part)[0] for part in (ax, ay, at, px, py, qx, qy))
+    value = clearance.path_gap(NUMPY, a, x, y, turn, *ends)
+    slack = sum((split(part)[1] for part in places), size.turn * split(at)[1])
+    error = ERROR * (magnitude(*places) + size.outer) * (1.0 + magnitude(at))
+    return loosen(Interval(value, value), slack + error)
 
 
 def reach(a: Footprint, ax: Interval, ay: Interval, at: Interval, heading: Interval) -> Interval:

@@ -39,7 +39,7 @@ from scenegen.lang.check.values import (
 from scenegen.lang.spec import Support
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.printer import print_expr
-from scenegen.pose import THETA
+from scenegen.pose import PLACE, THETA
 from scenegen.things import Shape
 from scenegen.things.arms import LARGEST_ARM, Arm, ArmError, make_arm, read_arm, shipped_arm, shipped_arms
 
@@ -141,6 +141,8 @@ def arm_function(lowering: Lowering, name: str, values: Mapping[str, Value], nod
         numbers = (lowering.builder.const(yaw) for yaw in _fitting_yaws(lowering.coerce.covers(thing.index), arm))
         return ListValue(tuple(NumberValue(one, ANGLE, origin=origin) for one in numbers), origin=origin)
     depth = _depth(lowering, values["depth"], node, frame)
+    if name == "armRoom":
+        return NumberValue(_room_for_arm(lowering, thing.index, base, arm, depth), LENGTH, origin=origin)
     given = lowering.coerce.number(values["yaw"], "a yaw")
     yaw = lowering.constant(given, node, frame, "a yaw", BARE, ANGLE)
     lowering.refuse_degrees([given, NumberValue(given.node, ANGLE, origin=given.origin)])
@@ -265,6 +267,20 @@ def _room_for_hand(lowering: Lowering, which: int, base: int, arm: Arm, yaw: flo
                 beside = builder.apply("gap", (*pose_of(lowering, which), *place), (part, outline))
                 parts.append(builder.apply("max", (beside, above)))
     return builder.apply("min", parts)
+
+
+def _room_for_arm(lowering: Lowering, which: int, base: int, arm: Arm, depth: float) -> int:
+    """The least of: how far everything else is from the segment between the base and the hand, or how much lower than
+    the top of the hand, where the arm begins."""
+    builder, coerce = lowering.builder, lowering.coerce
+    grip = _sum(lowering, level(lowering, which), max(0.0, lowering.shapes[which].height - depth))
+    wrist = _sum(lowering, grip, arm.hand.finger_length + arm.hand.palm[2])
+    way = tuple(coerce.coordinate(one, axis) for one in (base, which) for axis in PLACE)
+    parts = []
+    for outline, place, top in _obstacles(lowering, which, base):
+        beside = builder.apply("pathGap", (*place, *way), (outline,))
+        parts.append(builder.apply("max", (beside, builder.apply("sub", (wrist, top)))))
+    return builder.apply("min", parts) if parts else builder.const(LARGEST_ARM)
 
 
 def _sum(lowering: Lowering, number: int, rise: float) -> int:

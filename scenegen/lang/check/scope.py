@@ -164,8 +164,9 @@ HEIGHTS = {
 }
 
 ARMS = {
-    "armReach": "how far inside of an arm's reach from above a is, in metres; the fingers close `depth` below its top",
-    "handRoom": "how much room a hand has that is open around a at a yaw of its frame, in metres; `depth` below its top",
+    "armReach": "how far a is inside of an arm's reach from above, fingers `depth` below its top; metres",
+    "handRoom": "the room around the open hand of an arm at a yaw of a's frame, fingers `depth` below its top; metres",
+    "armRoom": "how far all else is from the way between an arm's base and a, or lower than its hand there; metres",
     "yaws": "the yaws, of 12, at which a fits between the open fingers of an arm, as a list; else its narrowest",
 }
 
@@ -175,7 +176,7 @@ REPLACEABLE = (
     *HEIGHTS,
     *("restsOn", "insideOf", "stackedOn", "stacked", "atLevel", "underneath", "supported", "stable"),
     *("reachableFromAbove", "noCollision"),
-    *(*ARMS, "reachable", "graspable"),
+    *(*ARMS, "pathGap", "reachable", "graspable", "armClear"),
 )
 
 
@@ -215,7 +216,7 @@ def signatures(timed: bool = False) -> Mapping[str, Signature]:
         names = ("a", "b") if name == "apart" else ("items",) if name == "bodies" else ("a",)
         table[name] = Signature(name, names, len(names), usage=f"{name}({', '.join(names)})")
     table["surfaces"] = Signature("surfaces", ("a", "upper"), 1, usage="surfaces(a, upper)")
-    for name, more in (("armReach", ("depth",)), ("handRoom", ("yaw", "depth")), ("yaws", ())):
+    for name, more in (("armReach", ("depth",)), ("armRoom", ("depth",)), ("handRoom", ("yaw", "depth")), ("yaws", ())):
         names = ("a", "arm", *more)
         table[name] = Signature(name, names, len(names), usage=f"{name}({', '.join(names)})")
     table["others"] = Signature("others", ("a", "items"), 1, usage="others(a, items = objects)")

@@ -99,8 +99,10 @@ def page() -> str:
     out = [HEAD, "## Relations", *relations()]
     for title, file, first in SECTIONS:
         out += [f"\n## {title}\n", *table(file, first)]
-    out += [f"- `{signatures()[name].usage}`: {meaning}" for name, meaning in {**HEIGHTS, **ARMS, **LIST_FUNCTIONS}.items()]
-    shapes = ", ".join(f"`{one.usage}`" for name, one in SIGNATURES.items() if name not in (*FILE_SHAPES, "category", "arm"))
+    words = {**HEIGHTS, **ARMS, **LIST_FUNCTIONS}
+    out += [f"- `{signatures()[name].usage}`: {meaning}" for name, meaning in words.items()]
+    elsewhere = (*FILE_SHAPES, "category", "arm")
+    shapes = ", ".join(f"`{one.usage}`" for name, one in SIGNATURES.items() if name not in elsewhere)
     out.append(
         f"\n## Shapes, and surfaces to stand on\n\nOf objects (`= SHAPE`) and of regions (the last three): {shapes}."
     )

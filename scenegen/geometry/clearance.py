@@ -121,9 +121,7 @@ def room(
     return _inside(ns, b, _corners(a, x, y, cos, sin))
 
 
-def path_gap(
-    ns: Namespace, a: Footprint, ax: Any, ay: Any, a_theta: Any, px: Any, py: Any, qx: Any, qy: Any
-) -> Any:
+def path_gap(ns: Namespace, a: Footprint, ax: Any, ay: Any, a_theta: Any, px: Any, py: Any, qx: Any, qy: Any) -> Any:
     """The distance of a footprint from the segment between two places; if they meet, minus the smallest translation
     that separates them; in metres."""
     ends = [(px - ax, py - ay), (qx - ax, qy - ay)]

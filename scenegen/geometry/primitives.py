@@ -319,7 +319,7 @@ PRIMITIVES: dict[str, Primitive] = {
         ),
         Primitive(
             "pathGap", ("footprint", "place", "place"), clearance.path_gap, iv.path_gap, lambda a, p, q: LENGTH,
-            "clearance of a's footprint from the straight way between two places, in metres; negative where it lies in it",
+            "clearance of a's footprint from the straight way between two places, in metres; negative on it",
             names=("a", "start", "end"), smooth=True,
         ),
         Primitive(

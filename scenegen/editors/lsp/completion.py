@@ -102,7 +102,9 @@ def _items(here: _WordAtCursor) -> Iterator[CompletionItem]:
         yield from _after_operand(here, kind)
         if last is None and len(here.document.index.statements) <= 1:
             yield from _operands(here, "formula")
-    elif last.text == "object" or (here.before[0].text != ROBOT and kind == "object" and last.text == "," and _depth(here.before) == 0):
+    elif last.text == "object" or (
+        here.before[0].text != ROBOT and kind == "object" and last.text == "," and _depth(here.before) == 0
+    ):
         yield from _assets(here)
     elif kind == "object" and last.text == "=" and here.before[0].text == ROBOT and _depth(here.before) == 0:
         yield from (here.item(name, "asset", about="an arm that comes along") for name in shipped_arms())

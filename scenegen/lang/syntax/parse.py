@@ -221,7 +221,7 @@ class Builder:
         choice: ast.Chosen = next(
             (part.choice for part in items if isinstance(part, _DeclarationPart) and part.choice), ""
         )
-        return ast.Declaration(name, count, shape, pose, support, choice, **_extent(items))
+        return ast.Declaration(name, count, shape, pose, support, choice, False, **_extent(items))
 
     def count(self, items: list[Any]) -> _DeclarationPart:
         return _DeclarationPart("count", items[1], _start(items[0]), _end(items[-1]))

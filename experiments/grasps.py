@@ -30,6 +30,7 @@ require noOverlap()
 NAMES = "abcdef"
 DEPTH = 0.02  # metres: GRASP_DEPTH
 BORDER = 0.003  # metres: nearer to 0 than this, phi is not judged
+JAW = 1.0  # metres: how wide jaws are between which a thing fits only if it is no wider than the hand opens
 FAR = 1.0  # metres: the largest distance asked for
 
 
@@ -43,28 +44,29 @@ def main(scenes: int = 2000, seed: int = 0) -> None:
     spec = scenegen.parse(HEAD + labels)
     made = scenegen.sample(spec, {}, n=scenes, seed=seed)
     phi = np.stack([made.phi[f"of_{name}"] for name in NAMES])
-    verdicts = Oracle(made.poses, spec.checked).verdicts()
     judged, says = np.abs(phi) >= BORDER, phi >= 0.0
-    agree, wrong = (says == verdicts)[judged].mean(), (says & ~verdicts)[judged].sum() / (says & judged).sum()
     print(f"{scenes} scenes, {judged.sum()} of {phi.size} grasps at least {1e3 * BORDER:g} mm from the border")
-    print(f"MuJoCo agrees with {agree:.2%}; of those called graspable {wrong:.2%} are not; {verdicts.mean():.1%} are")
+    for jaw, what in ((JAW, "jaws as wide as the thing"), (0.0, "fingers alone")):
+        verdicts = Oracle(made.poses, spec.checked, jaw).verdicts()
+        agree, wrong = (says == verdicts)[judged].mean(), (says & ~verdicts)[judged].sum() / (says & judged).sum()
+        print(f"{what}: MuJoCo agrees with {agree:.2%}; of those called graspable {wrong:.2%} are not")
     finer = phi_of(scenegen.parse(HEAD + every), np.ascontiguousarray(made.poses.reshape(scenes, -1).T))
     found = finer >= 0.0
     for name, few, many in zip(NAMES, says, found, strict=True):
-        print(
-            f"{name}: graspable at 12 yaws {few.mean():.1%}, at 180 {many.mean():.1%}, missed {(many & ~few).mean():.1%}"
-        )
+        missed = (many & ~few).mean()
+        print(f"{name}: graspable at 12 yaws {few.mean():.1%}, at 180 {many.mean():.1%}, missed {missed:.1%}")
 
 
 class Oracle:
     """The objects of scenes and an open hand as geoms of MuJoCo, whose distances decide."""
 
-    def __init__(self, poses: Array, spec: CheckedSpec) -> None:
+    def __init__(self, poses: Array, spec: CheckedSpec, jaw: float) -> None:
         self.poses, self.shapes = poses[:, 1:], spec.shapes[1:]
         self.base, self.arm = poses[0, 0], shipped_arm("panda")
         things = [_thing(one.footprint, one.height) for one in self.shapes]
         hand = self.arm.hand
         parts = [_box(*hand.finger, hand.finger_length)] * 2 + [_box(*hand.palm)]
+        parts += [_box(hand.finger[0], max(jaw, hand.finger[1]), hand.finger_length)] * 2
         self.model = mujoco.MjModel.from_xml_string(
             f"<mujoco><worldbody>{''.join(things + parts)}</worldbody></mujoco>"
         )
@@ -90,11 +92,11 @@ class Oracle:
     def _is_clear(self, x: float, y: float, yaw: float, grip: float, which: int, others: list[int], arm: Arm) -> bool:
         hand, count = arm.hand, len(self.shapes)
         aside = (hand.opening + hand.finger[0]) / 2.0
-        for geom, way in ((count, -aside), (count + 1, aside)):
+        for geom, way in ((count, -aside), (count + 1, aside), (count + 3, -aside), (count + 4, aside)):
             middle = grip + hand.finger_length / 2.0
             self._put(geom, x + way * math.cos(yaw), y + way * math.sin(yaw), middle, yaw)
         self._put(count + 2, x, y, grip + hand.finger_length + hand.palm[2] / 2.0, yaw)
-        pairs = [(count + part, k) for part in range(3) for k in others] + [(count, which), (count + 1, which)]
+        pairs = [(count + part, k) for part in range(3) for k in others] + [(count + 3, which), (count + 4, which)]
         return all(mujoco.mj_geomDistance(self.model, self.data, *pair, FAR, None) >= 0.0 for pair in pairs)
 
     def _put(self, geom: int, x: float, y: float, z: float, turn: float) -> None:

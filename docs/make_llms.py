@@ -12,7 +12,7 @@ from pathlib import Path
 
 from scenegen.lang.check.names import FILE_SHAPES
 from scenegen.lang.check.regions import SIGNATURES
-from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, groups, prelude, signatures
+from scenegen.lang.check.scope import ARMS, HEIGHTS, LIST_FUNCTIONS, groups, prelude, signatures
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.printer import print_expr
 from scenegen.things import ASSETS
@@ -99,8 +99,10 @@ def page() -> str:
     out = [HEAD, "## Relations", *relations()]
     for title, file, first in SECTIONS:
         out += [f"\n## {title}\n", *table(file, first)]
-    out += [f"- `{signatures()[name].usage}`: {meaning}" for name, meaning in {**HEIGHTS, **LIST_FUNCTIONS}.items()]
-    shapes = ", ".join(f"`{one.usage}`" for name, one in SIGNATURES.items() if name not in (*FILE_SHAPES, "category"))
+    words = {**HEIGHTS, **ARMS, **LIST_FUNCTIONS}
+    out += [f"- `{signatures()[name].usage}`: {meaning}" for name, meaning in words.items()]
+    elsewhere = (*FILE_SHAPES, "category", "arm")
+    shapes = ", ".join(f"`{one.usage}`" for name, one in SIGNATURES.items() if name not in elsewhere)
     out.append(
         f"\n## Shapes, and surfaces to stand on\n\nOf objects (`= SHAPE`) and of regions (the last three): {shapes}."
     )

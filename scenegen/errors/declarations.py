@@ -46,6 +46,12 @@ NOT_A_SHAPE = Kind(
         "write rect(left, bottom, right, top), circle((x, y), radius) or polygon([(x, y), ...])",
     ),
 )
+UNKNOWN_ARM = Kind(
+    "unknown-arm",
+    ("no arm `{name}` comes along", "it is not said which arm this is"),
+    help='write the name of an arm that comes along: {known:list}, or that of a file: arm("my_arm.toml")',
+)
+UNUSABLE_ARM = Kind("unusable-arm", "{path} is no arm: {reason}", help="docs/robot.md has the format")
 FILE_WITHOUT_QUOTES = Kind("file-without-quotes", "{what} is named in double quotes", help="write {usage}")
 UNLIKELY_SHAPE = Kind(
     "unlikely-shape",

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, edges
+from scenegen.geometry.footprint import Box, Circle, Footprint, PlacedBox, Polygon, corners, edges
 from scenegen.geometry.namespace import Namespace
 
 # Clearance of two oriented boxes: the signed distance of b's centre from the octagon that a's shape sweeps round b's.
@@ -73,6 +73,8 @@ def gap(
     """The distance of two footprints; if they overlap, minus the smallest translation that separates them; in
     metres."""
     dx, dy = bx - ax, by - ay
+    if isinstance(a, PlacedBox) and isinstance(b, Circle | Box):
+        return _placed_gap(ns, a, b, dx, dy, ns.turn(a_theta), b_theta)
     if isinstance(a, Circle):
         if isinstance(b, Circle):
             return ns.hypot(dx, dy) - (a.radius + b.radius)
@@ -87,6 +89,15 @@ def gap(
     other = _separation(ns, b, _corners(a, *_into_frame(b_cos, b_sin, -dx, -dy), cos, -sin))
     apart = ns.maximum(one[0], other[0])
     return ns.where(apart > 0.0, ns.sqrt(ns.minimum(one[1], other[1])), apart)
+
+
+def _placed_gap(ns: Namespace, a: PlacedBox, b: Circle | Box, dx: Any, dy: Any, turn: Turn, b_theta: Any) -> Any:
+    (cos, sin), (x, y), (own_cos, own_sin) = turn, a.offset, a.turn
+    dx, dy = dx - (cos * x - sin * y), dy - (sin * x + cos * y)
+    cos, sin = cos * own_cos - sin * own_sin, sin * own_cos + cos * own_sin
+    if isinstance(b, Circle):
+        return _facing(ns, a.box, [_into_frame(cos, sin, dx, dy)]) - b.radius
+    return box_gap(ns, a.box, b, dx, dy, (cos, sin), ns.turn(b_theta))
 
 
 def room(
@@ -108,6 +119,33 @@ def room(
     a_cos, a_sin = ns.turn(a_theta)
     cos, sin = b_cos * a_cos + b_sin * a_sin, b_cos * a_sin - b_sin * a_cos
     return _inside(ns, b, _corners(a, x, y, cos, sin))
+
+
+def path_gap(ns: Namespace, a: Footprint, ax: Any, ay: Any, a_theta: Any, px: Any, py: Any, qx: Any, qy: Any) -> Any:
+    """The distance of a footprint from the segment between two places; if they meet, minus the smallest translation
+    that separates them; in metres."""
+    ends = [(px - ax, py - ay), (qx - ax, qy - ay)]
+    if not isinstance(a, Circle):
+        cos, sin = ns.turn(a_theta)
+        ends = [_into_frame(cos, sin, *end) for end in ends]
+    (x, y), (u, v) = ends[0], (ends[1][0] - ends[0][0], ends[1][1] - ends[0][1])
+    square = u * u + v * v
+    some = ns.where(square > 0.0, square, 1.0)  # both ends may be one place
+
+    def from_segment(cx: Any, cy: Any) -> Any:
+        share = ns.clip(((cx - x) * u + (cy - y) * v) / some, 0.0, 1.0)
+        dx, dy = cx - (x + share * u), cy - (y + share * v)
+        return dx * dx + dy * dy
+
+    if isinstance(a, Circle):
+        return ns.sqrt(from_segment(0.0, 0.0)) - a.radius
+    outline = a if isinstance(a, Polygon) else Polygon(corners(a))
+    apart, nearest = _separation(ns, outline, ends)
+    sides = [((cy - y) * u - (cx - x) * v) / ns.sqrt(some) for cx, cy in outline.vertices]
+    across = ns.maximum(_fold(ns.minimum, sides), -_fold(ns.maximum, sides))
+    apart = ns.where(square > 0.0, ns.maximum(apart, across), apart)
+    nearest = ns.minimum(nearest, _fold(ns.minimum, [from_segment(cx, cy) for cx, cy in outline.vertices]))
+    return ns.where(apart > 0.0, ns.sqrt(nearest), apart)
 
 
 def reach(ns: Namespace, a: Footprint, ax: Any, ay: Any, a_theta: Any, heading: Any) -> Any:

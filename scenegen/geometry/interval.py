@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from scenegen.arrays import Array
 from scenegen.geometry import clearance
-from scenegen.geometry.footprint import Circle, Footprint, Measures, half_width, measures
+from scenegen.geometry.footprint import Circle, Footprint, Measures, PlacedBox, half_width, measures
 from scenegen.geometry.namespace import NUMPY
 from scenegen.pose import TWO_PI
 
@@ -362,6 +362,8 @@ def gap(
     turn = one.turn * a_half + other.turn * b_half
     ends, middle = _at_corners(clearance.gap, a, b, dx, dy, a_mid, b_mid, flip=False)
     bound = narrow(bound, middle - corner_distance(dx, dy) - turn, ends.max(0) + turn)
+    if isinstance(a, PlacedBox):  # hundreds of them make one formula: more work for it would hardly pay
+        return loosen(bound, rounding(one, other, ax, ay, at, bx, by, bt))
     slack = separations(dx, dy, at, bt, a, b, directions(bound.lo)).max(0)
     return loosen(narrow(bound, slack, math.inf), rounding(one, other, ax, ay, at, bx, by, bt))
 
@@ -386,6 +388,18 @@ def room(
     # For all poses: b, shrunk by the room, still contains the disc in a, so it is that wide.
     slack = np.minimum(slack, half_width(b) - max(one.inner, 0.0))
     return loosen(narrow(bound, -math.inf, slack), rounding(one, other, ax, ay, at, bx, by, bt))
+
+
+def path_gap(
+    a: Footprint, ax: Interval, ay: Interval, at: Interval, px: Interval, py: Interval, qx: Interval, qy: Interval
+) -> Interval:
+    """The value at the middle, and as much as moving and turning the footprint and moving the ends can change it."""
+    size, places = measures(a), (ax, ay, px, py, qx, qy)
+    x, y, turn, *ends = (split(part)[0] for part in (ax, ay, at, px, py, qx, qy))
+    value = clearance.path_gap(NUMPY, a, x, y, turn, *ends)
+    slack = sum((split(part)[1] for part in places), size.turn * split(at)[1])
+    error = ERROR * (magnitude(*places) + size.outer) * (1.0 + magnitude(at))
+    return loosen(Interval(value, value), slack + error)
 
 
 def reach(a: Footprint, ax: Interval, ay: Interval, at: Interval, heading: Interval) -> Interval:
@@ -517,6 +531,8 @@ def _at_corners(
 
 @quiet
 def back_gap(a: Footprint, b: Footprint, result: Interval, *pose: Interval) -> Intervals:
+    if isinstance(a, PlacedBox):  # see `gap`
+        return pose
     one, other = measures(a), measures(b)
     _, _, at, _, _, bt = pose
     slack = _slack(a, b, result, pose)

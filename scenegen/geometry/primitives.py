@@ -333,6 +333,11 @@ PRIMITIVES: dict[str, Primitive] = {
             names=("a", "heading"), of_angle=True, drawn="edge",
         ),
         Primitive(
+            "pathGap", ("footprint", "place", "place"), clearance.path_gap, iv.path_gap, lambda a, p, q: LENGTH,
+            "clearance of a's footprint from the straight way between two places, in metres; negative on it",
+            names=("a", "start", "end"), smooth=True,
+        ),
+        Primitive(
             "bearing", _PLACES, clearance.bearing, iv.bearing, lambda a, b: ANGLE,
             "direction of b seen from a, an angle in (-pi, pi]; 0 where they coincide", relative=True,
         ),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
@@ -258,6 +259,17 @@ def clear_cameras(draft: Draft) -> None:
         draft.problems.extend(camera_clash(draft.lowering, draft.fixed))
 
 
+def stand_robots(draft: Draft) -> None:
+    """A robot that is held may stand beside the workspace: its own box reaches there."""
+    (left, right), (bottom, top) = draft.space.x, draft.space.y
+    own = []
+    for which, (x, y, _) in draft.fixed.items():
+        if draft.shapes[which].arm is not None and not (left <= x <= right and bottom <= y <= top):
+            own.append((which, (min(x, left), max(x, right)), (min(y, bottom), max(y, top))))
+    if own:
+        draft.space = replace(draft.space, own=(*draft.space.own, *own))
+
+
 def check_constants(draft: Draft) -> None:
     """Constants that no formula uses are checked all the same."""
     scope, lowering = draft.scope, draft.lowering
@@ -471,6 +483,7 @@ PASSES: tuple[Pass, ...] = (
     place_cameras,
     stand_objects,
     clear_cameras,
+    stand_robots,
     check_constants,
     lower_formulas,
     check_uncalled,

@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon
+from scenegen.things.arms import Arm
 from scenegen.things.furniture import CABINET_WIDTH, Cabinet, Crate, Drawer, Form, Rack, RoundSolid, ShelfUnit, Vessel
 
 RGB = tuple[float, float, float]
@@ -72,7 +73,8 @@ class Shape:
     """What one object of a spec looks like: an entry of the library, or one of the plain shapes `box`, `cylinder`,
     `prism`, `urdf`, `mesh` and `asset` with sizes of its own. Footprint and height in metres; `path` is the file of a
     `urdf` or `mesh`, and the name of an `asset` after its folder's; `open` the shares by which the drawers of a
-    `cabinet(...)` are open, the lowest first; `color` is that of a plain shape where the spec says it, as "#rrggbb"."""
+    `cabinet(...)` are open, the lowest first; `color` is that of a plain shape where the spec says it, as "#rrggbb". A
+    robot is the `box` around its base, and has its `arm`, of the file `path` where it does not come along."""
 
     asset: str
     footprint: Footprint
@@ -80,6 +82,7 @@ class Shape:
     path: str = ""
     open: tuple[float, ...] = ()
     color: str = ""
+    arm: Arm | None = None
 
 
 UNKNOWN = "block"

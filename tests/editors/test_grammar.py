@@ -63,6 +63,7 @@ CLAUSES = {
     "by",
     "area",
     "camera",
+    "robot",
     "looks",
     "fov",
 }  # words of declarations that are names elsewhere

@@ -23,7 +23,7 @@ from scenegen.lang.spec import CheckedSpec
 FOLDER = Path(__file__).resolve().parents[1] / "golden" / "lang" / "relations"
 SLIP = 1e-12
 
-_AT = re.compile(r"^(object (\w+).*?)\s+at \(([^()]*)\)$")
+_AT = re.compile(r"^((?:object|robot) (\w+).*?)\s+at \(([^()]*)\)$")
 _FUNCTIONS = {"sqrt": math.sqrt, "abs": abs, "min": min, "max": max}
 _OPERATORS = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv}
 

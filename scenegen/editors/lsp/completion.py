@@ -15,8 +15,9 @@ from scenegen.lang.check.heights import LIST_MEMBERS, SURFACE_SIZES
 from scenegen.lang.check.names import AREAS, SHAPE_WORDS
 from scenegen.lang.check.scope import BUILT_IN
 from scenegen.lang.check.values import CORNERS, MEMBERS, SIDES, SIZES
-from scenegen.lang.syntax.tokens import KEYWORDS, STATEMENTS, Token, scan
+from scenegen.lang.syntax.tokens import KEYWORDS, ROBOT, STATEMENTS, Token, scan
 from scenegen.things import ASSETS, shape_of
+from scenegen.things.arms import shipped_arms
 from scenegen.things.surfaces import surfaces_of
 
 Group = Literal["keyword", "function", "member", "unit", "asset", "argument", "file"] | Kind
@@ -101,8 +102,13 @@ def _items(here: _WordAtCursor) -> Iterator[CompletionItem]:
         yield from _after_operand(here, kind)
         if last is None and len(here.document.index.statements) <= 1:
             yield from _operands(here, "formula")
-    elif last.text == "object" or (kind == "object" and last.text == "," and _depth(here.before) == 0):
+    elif last.text == "object" or (
+        here.before[0].text != ROBOT and kind == "object" and last.text == "," and _depth(here.before) == 0
+    ):
         yield from _assets(here)
+    elif kind == "object" and last.text == "=" and here.before[0].text == ROBOT and _depth(here.before) == 0:
+        yield from (here.item(name, "asset", about="an arm that comes along") for name in shipped_arms())
+        yield from _functions(here, ("arm",))
     elif kind == "object" and last.text == "=" and _depth(here.before) == 0:
         yield from _assets(here)
         yield from _functions(here, SHAPE_WORDS)
@@ -142,6 +148,7 @@ def _after_operand(here: _WordAtCursor, kind: str) -> Iterator[CompletionItem]:
     if opens and _depth(here.before) == 0:
         yield from _keywords(here, *STATEMENTS)
         yield here.item("camera", "keyword", about=vocabulary.CLAUSE_TEXTS["camera"])
+        yield here.item(ROBOT, "keyword", about=vocabulary.CLAUSE_TEXTS[ROBOT])
     if not here.before:
         return
     if kind == "object" and _depth(here.before) == 0:
@@ -283,7 +290,7 @@ def _operands(here: _WordAtCursor, kind: str) -> Iterator[CompletionItem]:
         for name, binding in sorted(document.functions.items()):
             if not name.startswith("_"):
                 yield here.item(name, "definition", *document.notes[binding])
-    yield from _functions(here, [name for name in vocabulary.functions() if name not in (*SHAPE_WORDS, *AREAS)])
+    yield from _functions(here, [name for name in vocabulary.functions() if name not in (*SHAPE_WORDS, *AREAS, "arm")])
     if not constant:
         yield from _keywords(here, "forall", "exists", "not", "true", "false")
 

@@ -18,11 +18,11 @@ from typing import Literal
 from scenegen.errors import Source, SpecError
 from scenegen.geometry import PRIMITIVES
 from scenegen.lang.check.regions import SIGNATURES
-from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, SIGHT, signature_of, signatures
+from scenegen.lang.check.scope import ARMS, HEIGHTS, LIST_FUNCTIONS, SIGHT, signature_of, signatures
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 from scenegen.lang.syntax.printer import print_expr
-from scenegen.lang.syntax.tokens import KEYWORDS, STATEMENTS, Token, has_time, openings, scan
+from scenegen.lang.syntax.tokens import KEYWORDS, ROBOT, STATEMENTS, Token, has_time, openings, scan
 
 Kind = Literal["object", "region", "camera", "constant", "definition", "label", "parameter", "variable"]
 Role = Literal["declaration", "value", "call", "member", "argument", "asset", "import"]
@@ -129,6 +129,8 @@ def _statements(text: str) -> Iterator[StatementSpan]:
 
 
 def _kind(tokens: tuple[Token, ...]) -> str:
+    if tokens[0].text == ROBOT and tokens[1:2] and tokens[1].kind == "name":
+        return "object"  # a robot is one
     if tokens[0].text in STATEMENTS and not (tokens[0].text == "workspace" and tokens[1:2] and tokens[1].text == "."):
         return tokens[0].text
     if tokens[0].text == "camera" and len(tokens) > 1 and tokens[1].kind == "name":
@@ -231,7 +233,9 @@ class _Walk:
             return  # `camera front = at ... looks at ... fov ...`: no keywords elsewhere
         elif kind in _DECLARING and at == 1:
             self._bind(_DECLARING[kind], token, self.statement.start, self.statement.end)
-        elif kind == "object" and depth == 0 and before in ("object", ","):
+        elif kind == "object" and at == 0:
+            return  # `robot`, which is a name elsewhere
+        elif kind == "object" and depth == 0 and (before in ("object", ",") or at == 1):
             closes = self._closes(at)
             self._bind("object", token, token.start, closes, is_array=after == "[")
         elif kind == "object" and depth == 0 and before == "=" and after != "(":
@@ -308,6 +312,7 @@ KEYWORDS_IN_WORDS: Mapping[str, str] = {
 }
 
 CLAUSE_TEXTS: Mapping[str, str] = {
+    ROBOT: "an arm, with the base where it stands: robot arm = panda at (0.5, -0.25, NORTH)",
     "on": "what an object stands on: object mug on tray, book on shelfunit.shelf[2]",
     "camera": "a camera: camera front = at (0.5, -0.6, 0.7) looks at (0.5, 0.4, 0) fov 60 deg, 4:3",
     "looks at": "the point that a camera looks at: looks at (0.5, 0.4, 0)",
@@ -336,6 +341,7 @@ _SHAPE_TEXTS = {
     "mesh": "a mesh file, .obj, .stl, .glb or .gltf in metres; its outline is its convex hull",
     "asset": 'an asset of the index assets.toml beside the spec, or of a folder\'s: "ycb/025_mug"',
     "category": "another asset of the index in each scene, of those that have the category",
+    "arm": "a robot's arm, as a TOML file says it: its reach from above, its base and its hand",
     "cabinet": "a chest of drawers: how many, and by which share they are open: 0.6 is the top one, a list is one each",
     "rect": "a rectangle, by the coordinates of its sides",
     "circle": "a disc",
@@ -387,6 +393,8 @@ def _meaning(name: str) -> str:
         return HEIGHTS[name]
     if name in SIGHT:
         return SIGHT[name]
+    if name in ARMS:
+        return ARMS[name]
     return LIST_FUNCTIONS[name] if name in LIST_FUNCTIONS else PRIMITIVES[name].doc
 
 

@@ -22,6 +22,7 @@ from scenegen.errors.language import (
     WRONG_NAME,
 )
 from scenegen.geometry.primitives import LENGTH, quantity
+from scenegen.lang.check.arms import arm_function
 from scenegen.lang.check.functions import (
     OF_SUPPORT,
     function,
@@ -35,7 +36,7 @@ from scenegen.lang.check.heights import height_function, index, member
 from scenegen.lang.check.lowering import Environment, Lowering
 from scenegen.lang.check.names import bind
 from scenegen.lang.check.quantifiers import quantify
-from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, SIGHT, STEPS, Declared
+from scenegen.lang.check.scope import ARMS, HEIGHTS, LIST_FUNCTIONS, SIGHT, STEPS, Declared
 from scenegen.lang.check.sight import check_shares, sight_function
 from scenegen.lang.check.values import (
     AnyValue,
@@ -121,6 +122,8 @@ def call(lowering: Lowering, node: ast.Call, env: Mapping[str, Value], frame: Ca
         return height_function(lowering, name, list(values.values()), node, frame)
     if name in SIGHT:
         return sight_function(lowering, name, list(values.values()), node, frame)
+    if name in ARMS:
+        return arm_function(lowering, name, values, node, frame)
     if name in STEPS:
         return step_function(lowering, name, values, node, frame)
     if name in LIST_FUNCTIONS:

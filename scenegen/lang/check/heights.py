@@ -256,9 +256,11 @@ def _clearance(
         if (room := _inside(lowering, upper, lower, above, supports)) is not None
     ]
     clearances = []
-    for one_shape, one_low, one_high in _pieces(lowering, first, low):
-        for other_shape, other_bottom, other_high in _pieces(lowering, second, other_low):
-            beside = builder.apply("gap", (*_pose(lowering, first), *_pose(lowering, second)), (one_shape, other_shape))
+    for one_shape, one_low, one_high in pieces_of(lowering, first, low):
+        for other_shape, other_bottom, other_high in pieces_of(lowering, second, other_low):
+            beside = builder.apply(
+                "gap", (*pose_of(lowering, first), *pose_of(lowering, second)), (one_shape, other_shape)
+            )
             above = builder.const(max(one_low - other_high, other_bottom - one_high))
             clearances.append(builder.apply("max", (beside, above, *inside)))
     return clearances[0] if len(clearances) == 1 else builder.apply("min", clearances)
@@ -273,9 +275,11 @@ def _clearance_of_columns(lowering: Lowering, first: int, second: int) -> int:
         return builder.apply("add", (number, builder.const(by)))
 
     clearances = []
-    for one_shape, low, high in _pieces(lowering, first, 0.0):
-        for other_shape, other_low, other_high in _pieces(lowering, second, 0.0):
-            beside = builder.apply("gap", (*_pose(lowering, first), *_pose(lowering, second)), (one_shape, other_shape))
+    for one_shape, low, high in pieces_of(lowering, first, 0.0):
+        for other_shape, other_low, other_high in pieces_of(lowering, second, 0.0):
+            beside = builder.apply(
+                "gap", (*pose_of(lowering, first), *pose_of(lowering, second)), (one_shape, other_shape)
+            )
             over = builder.apply("sub", (lift(base, low), lift(other_base, other_high)))
             under = builder.apply("sub", (lift(other_base, other_low), lift(base, high)))
             clearances.append(builder.apply("max", (beside, over, under)))
@@ -288,8 +292,8 @@ def _from_board(lowering: Lowering, which: int, area: Area) -> int:
     place = (*map(builder.const, area.center), builder.const(0.0))
     base = level(lowering, which)
     clearances = []
-    for shape, low, high in _pieces(lowering, which, 0.0):
-        beside = builder.apply("gap", (*_pose(lowering, which), *place), (shape, area.footprint))
+    for shape, low, high in pieces_of(lowering, which, 0.0):
+        beside = builder.apply("gap", (*pose_of(lowering, which), *place), (shape, area.footprint))
         bottom, top = (builder.apply("add", (base, builder.const(one))) for one in (low, high))
         over = builder.apply("sub", (bottom, builder.const(area.z)))
         under = builder.apply("sub", (builder.const(area.z - min(BOARD, area.z)), top))
@@ -297,7 +301,7 @@ def _from_board(lowering: Lowering, which: int, area: Area) -> int:
     return clearances[0] if len(clearances) == 1 else builder.apply("min", clearances)
 
 
-def _pose(lowering: Lowering, which: int) -> tuple[int, ...]:
+def pose_of(lowering: Lowering, which: int) -> tuple[int, ...]:
     return tuple(lowering.coerce.coordinate(which, axis) for axis in FLAT)
 
 
@@ -307,7 +311,7 @@ def _is_hollow(lowering: Lowering, which: int) -> bool:
     return bool(rooms_of(lowering.shapes[which])) or pocket_furniture(lowering.shapes[which]) is not None
 
 
-def _pieces(lowering: Lowering, which: int, low: float) -> list[tuple[Footprint, float, float]]:
+def pieces_of(lowering: Lowering, which: int, low: float) -> list[tuple[Footprint, float, float]]:
     """The footprint of each upright piece of an object at a height, and where it begins and ends above the table."""
     shape = lowering.shapes[which]
     slabs = slabs_of(shape)
@@ -322,7 +326,7 @@ def _inside(lowering: Lowering, upper: int, lower: int, above: float, supports: 
 
     body, vessel = lowering.shapes[upper], lowering.shapes[lower]
     rooms = rooms_of(vessel)
-    poses, footprint = (*_pose(lowering, upper), *_pose(lowering, lower)), lowering.coerce.covers(upper)
+    poses, footprint = (*pose_of(lowering, upper), *pose_of(lowering, lower)), lowering.coerce.covers(upper)
     under = supports.get(upper)
     if under is not None and under.carrier == lower and under.walled and (under.far or pocket_furniture(vessel)):
         return lowering.builder.apply("room", poses, (footprint, under.outline))

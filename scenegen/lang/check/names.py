@@ -96,7 +96,7 @@ def _declarations(statement: ast.Objects, scope: Scope, source: Source) -> Itera
         if one.count is not None:
             yield from _expression(one.count, set(), scope, source, True)
         if isinstance(one.shape, ast.Call) and one.shape.function.id != "category":  # which is read as it stands
-            file = one.shape.function.id in FILE_SHAPES
+            file = one.robot or one.shape.function.id in FILE_SHAPES
             for argument in one.shape.arguments:
                 if not (file and isinstance(argument.value, ast.Name)):
                     yield from _shape_argument(argument, scope, source)

@@ -17,6 +17,7 @@ from scenegen.errors.declarations import (
     STANDS_IN,
     TOO_MANY_COUNTS,
     TOO_MANY_OBJECTS,
+    UNKNOWN_ARM,
     UNKNOWN_ASSET,
     UNLIKELY_SHAPE,
     UNUSABLE_SHAPE_FILE,
@@ -28,6 +29,7 @@ from scenegen.errors.language import EMPTY_RANGE
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, convex_hull
 from scenegen.geometry.primitives import ANGLE, BARE
 from scenegen.geometry.workspace import Workspace
+from scenegen.lang.check.arms import arm_shape, written
 from scenegen.lang.check.families import (
     MOST_COMBINATIONS,
     WORD,
@@ -48,6 +50,7 @@ from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.printer import print_expr, print_module
 from scenegen.pose import TWO_PI
 from scenegen.things import ASSETS, PLAIN, Shape, meant_by, shape_of
+from scenegen.things.arms import shipped_arms
 from scenegen.things.furniture import DRAWERS, MAX_DRAWERS, Cabinet, SupportSurface
 from scenegen.things.library import cabinet_shape
 from scenegen.things.surfaces import narrowest
@@ -240,7 +243,11 @@ def shape(lowering: Lowering, thing: DeclaredObject, name: str, project: Project
     """What an object looks like: its name says it, or the shape it was declared with. Raises SpecError."""
     one = thing.declaration
     if one is None or one.shape is None:
+        if one is not None and one.robot:
+            raise SpecError(UNKNOWN_ARM(thing.name.span(thing.source), known=shipped_arms()))
         return shape_of(name)
+    if one.robot:
+        return arm_shape(lowering, one.shape, thing.source, project)
     return _shape(lowering, one.shape, thing.source, project)
 
 
@@ -352,7 +359,7 @@ def pose(lowering: Lowering, thing: DeclaredObject, within: Workspace) -> tuple[
         items = value.items if isinstance(value, ListValue) else (value,)
         _count_places(len(items), count, here)
         places = [point(lowering, item, "the place of an object") for item in items]
-        for x, y in places:
+        for x, y in places if not one.robot else ():
             _refuse_outside(x, y, here, within)
         return tuple((x, y, 0.0) for x, y in places)
     parts = one.pose.items if isinstance(one.pose, ast.List) else (one.pose,)
@@ -360,7 +367,7 @@ def pose(lowering: Lowering, thing: DeclaredObject, within: Workspace) -> tuple[
         _count_places(len(parts), count, here)
     elif isinstance(one.pose, ast.List):
         raise SpecError(WRONG_NUMBER_OF_PLACES(here))
-    return tuple(_pose(lowering, part, thing.source, within) for part in parts)
+    return tuple(_pose(lowering, part, thing.source, None if one.robot else within) for part in parts)
 
 
 def _count_places(given: int, count: int, here: Span) -> None:
@@ -368,7 +375,7 @@ def _count_places(given: int, count: int, here: Span) -> None:
         raise SpecError(WRONG_NUMBER_OF_PLACES(here, count=count, given=given))
 
 
-def _pose(lowering: Lowering, expr: ast.Expr, source: Source, within: Workspace) -> Pose:
+def _pose(lowering: Lowering, expr: ast.Expr, source: Source, within: Workspace | None) -> Pose:
     frame = CallFrame(source)
     theta = 0.0
     if isinstance(expr, ast.Point):
@@ -380,7 +387,8 @@ def _pose(lowering: Lowering, expr: ast.Expr, source: Source, within: Workspace)
             theta = _heading(lowering, expr.coordinates[2], source)
     else:
         x, y = point(lowering, lowering.evaluate(expr, frame), "the place of an object")
-    _refuse_outside(x, y, expr.span(source), within)
+    if within is not None:
+        _refuse_outside(x, y, expr.span(source), within)
     return x, y, theta
 
 
@@ -425,6 +433,8 @@ def _resolve_declaration(draft: Draft, one: ast.Declaration, counts: Mapping[str
         count = ast.Quantity(str(counts[name]), "")
     if name in draft.kinds:
         shape = _category(draft.kinds[name], category_picks(name, draft.kinds[name], one.count is not None, counts))
+    elif one.robot and (looks := draft.shapes[draft.places(draft.scope.things[name])[0]]).path:
+        shape = written(looks)
     elif isinstance(shape, ast.Call) and shape.function.id in FILE_SHAPES:
         looks = draft.shapes[draft.places(draft.scope.things[name])[0]]
         shape = _call(shape.function.id, ast.Text(looks.path), _outline(looks))

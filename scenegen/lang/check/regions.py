@@ -51,6 +51,12 @@ SIGNATURES = {
     "urdf": Signature("urdf", ("path", "shape"), 1, usage='urdf("file.urdf")'),
     "mesh": Signature("mesh", ("path", "shape"), 1, usage='mesh("file.obj")'),
     "asset": Signature("asset", ("name", "shape"), 1, usage='asset("025_mug")'),
+    "arm": Signature(
+        "arm",
+        ("path", "heights", "nearest", "farthest", "bearing", "base", "hand"),
+        1,
+        usage='arm("my_arm.toml")',
+    ),
     "cabinet": Signature("cabinet", ("drawers", "open"), 0, usage="cabinet(drawers = 3, open = 0.6)"),
     "category": Signature(
         "category", ("name", "assets", "pick", "most", "seed"), 1, usage='category("mug", most = 8, seed = 1)'

@@ -173,6 +173,13 @@ SIGHT = {
     "and beyond that 0.1 more for each centimetre to the nearest shadow",
 }
 
+ARMS = {
+    "armReach": "how far a is inside of an arm's reach from above, fingers `depth` below its top; metres",
+    "handRoom": "the room around the open hand of an arm at a yaw of a's frame, fingers `depth` below its top; metres",
+    "armRoom": "how far all else is from the way between an arm's base and a, or lower than its hand there; metres",
+    "yaws": "the yaws, of 12, at which a fits between the open fingers of an arm, as a list; else its narrowest",
+}
+
 # What the prelude says of heights, and the functions for it, came late: a spec may use these names for definitions of
 # its own. The prelude itself goes on with its own.
 REPLACEABLE = (
@@ -181,6 +188,7 @@ REPLACEABLE = (
     *("reachableFromAbove", "noCollision"),
     *SIGHT,
     *("inView", "unhidden", "visible"),
+    *(*ARMS, "pathGap", "reachable", "graspable", "armClear"),
 )
 
 
@@ -223,6 +231,9 @@ def signatures(timed: bool = False) -> Mapping[str, Signature]:
         names = ("a", "b", "camera") if name == "shadowGap" else ("a",) if name == "hiders" else ("a", "camera")
         table[name] = Signature(name, names, len(names), usage=f"{name}({', '.join(names)})")
     table["surfaces"] = Signature("surfaces", ("a", "upper"), 1, usage="surfaces(a, upper)")
+    for name, more in (("armReach", ("depth",)), ("armRoom", ("depth",)), ("handRoom", ("yaw", "depth")), ("yaws", ())):
+        names = ("a", "arm", *more)
+        table[name] = Signature(name, names, len(names), usage=f"{name}({', '.join(names)})")
     table["others"] = Signature("others", ("a", "items"), 1, usage="others(a, items = objects)")
     return table
 
@@ -269,7 +280,7 @@ def collect(
                 continue
             places[name.id] = here
             _declare(scope, one.source, name, node)
-    if not any(isinstance(one.statement, ast.Objects) for one in placed):
+    if not any(isinstance(one.statement, ast.Objects) and not one.statement.are_robots for one in placed):
         scope.inferred = True
         _infer_objects(source, placed, bare, scope)
     return scope, problems

@@ -310,6 +310,10 @@ def _remedy(value: Value, wanted: str, role: str) -> str:
         return f"say what lies in it: inside(mug, {value.origin.text})"
     if wanted == "a point" and isinstance(value, RegionValue):
         return f"write {value.origin.text}.center"
+    if wanted == "an object that a hand can grasp":
+        return "name an object of the table"
+    if wanted == "a robot":
+        return "declare one: robot arm = panda at (0.5, -0.25, NORTH)"
     if wanted == "a point" and isinstance(value, ObjectValue):
         return "write where it is: (0.5, 0.2)"
     if "object" in wanted and isinstance(value, NumberValue):

@@ -29,7 +29,8 @@ from scenegen.pose import NAMES
 
 MAX_TEXT_LENGTH = 120  # characters; what is cut off is marked with three dots
 
-_SHAPES = {"Circle": "circle", "Box": "rect", "Polygon": "polygon"}  # regions, whose names the core does not keep
+# regions, whose names the core does not keep, and parts of hands
+_SHAPES = {"Circle": "circle", "Box": "rect", "Polygon": "polygon", "PlacedBox": "rect"}
 _INFIX = {"add": (1, "+"), "sub": (1, "-"), "mul": (2, "*"), "div": (2, "/")}
 
 

@@ -211,7 +211,7 @@ Chosen = Literal["", "equal", "area"]  # how an object chooses what it stands on
 class Declaration(Node):
     """One object, or an array of `count` of them: a number, or a Range or Weighted from which their number is drawn.
     `choice` is set where `support` names several surfaces of which each object stands on one: all equally likely, or by
-    their area; times their weights, where it is Weighted."""
+    their area; times their weights, where it is Weighted. Of a `robot` the shape is an arm."""
 
     name: Name
     count: Expr | None
@@ -219,11 +219,18 @@ class Declaration(Node):
     pose: Expr | None
     support: Expr | None = None
     choice: Chosen = ""
+    robot: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Objects(Node):
+    """`object ...`, or, where all declarations are of robots, `robot ...`."""
+
     declarations: tuple[Declaration, ...]
+
+    @property
+    def are_robots(self) -> bool:
+        return self.declarations[0].robot
 
 
 @dataclass(frozen=True, slots=True)

@@ -133,12 +133,10 @@ _RELATIONS = {
     ("visible", "isvisible", "visiblefrom", "invisible", "occluded", "occludes", "occlusion", "isoccluded",
      "occludedby", "hidden", "hides", "inview", "infov", "cansee", "sees", "lineofsight", "visibility", "camera",
      "cameras", "view", "viewpoint", "notvisible", "visibleregion"): CAMERA_HELP,
-    ("reachable", "isreachable", "inreach", "withinreach", "reachablefrom", "canreach", "reaches", "kinematic", "ik"):
-        "write closeTo({a}, (0.5, -0.2), 0.7 m) with the place of the robot's base; of hands from above "
-        "reachableFromAbove({a})",
-    ("graspable", "isgraspable", "grasp", "cangrasp", "grasped", "pickable", "grippable"):
-        "write the room that the gripper needs: forall q in others({a}): gap({a}, q) >= 3 cm; from above "
-        "reachableFromAbove({a})",
+    ("isreachable", "inreach", "withinreach", "reachablefrom", "canreach", "reaches", "kinematic", "ik"):
+        "declare the robot and write reachable({a}, arm): robot arm = panda at (0.5, -0.25, NORTH)",
+    ("isgraspable", "grasp", "cangrasp", "grasped", "pickable", "grippable"):
+        "declare the robot and write graspable({a}, arm): robot arm = panda at (0.5, -0.25, NORTH)",
     ("color", "colour", "colors", "hue", "rgb", "rgba", "texture", "material", "shade"): COLOR,
     ("mass", "weight", "friction", "density", "inertia", "velocity", "force", "physics"): BODY_HELP,
     ("upright", "standing", "lying", "tilted", "tilt", "roll", "pitch", "upsidedown", "flipped", "onside", "isupright",
@@ -146,8 +144,9 @@ _RELATIONS = {
     ("light", "lighting", "lamp", "brightness", "background", "randomize", "augment", "augmentation", "domain"):
         f"pictures have looks, no spec has: see `scenegen explain pictures`; {SAYS_MORE}",
     ("seed", "samples", "scenes", "timeout"): "an option of `scenegen sample` says how many scenes, and which seed",
-    ("robot", "ego", "agent", "gripper", "arm", "mutate", "behavior", "scenario", "model"):
-        f"a spec is about things on a table, without robots or scenarios; {SAYS_MORE}",
+    ("robot", "gripper", "arm"): "a robot is declared: robot arm = panda at (0.5, -0.25, NORTH)",
+    ("ego", "agent", "mutate", "behavior", "scenario", "model"):
+        f"a spec is about things on a table, without what robots do, or scenarios; {SAYS_MORE}",
 }  # fmt: skip
 RELATIONS = {name: instead for names, instead in _RELATIONS.items() for name in names}
 

@@ -211,6 +211,9 @@ class Builder:
     def objects(self, items: list[Any]) -> ast.Objects:
         return ast.Objects(tuple(_nodes(items)), **_extent(items))
 
+    def robots(self, items: list[Any]) -> ast.Objects:
+        return ast.Objects(tuple(replace(one, robot=True) for one in _nodes(items)), **_extent(items))
+
     def decl(self, items: list[Any]) -> ast.Declaration:
         parts = {part.kind: part.value for part in items if isinstance(part, _DeclarationPart)}
         (name,) = _names(items)
@@ -218,7 +221,7 @@ class Builder:
         choice: ast.Chosen = next(
             (part.choice for part in items if isinstance(part, _DeclarationPart) and part.choice), ""
         )
-        return ast.Declaration(name, count, shape, pose, support, choice, **_extent(items))
+        return ast.Declaration(name, count, shape, pose, support, choice, False, **_extent(items))
 
     def count(self, items: list[Any]) -> _DeclarationPart:
         (count,) = _nodes(items)
@@ -386,7 +389,7 @@ MAX_QUANTIFIERS = 100  # inside each other: whatever walks a formula carries the
 MOST_ERRORS = 20  # of one run; more than that usually come from one mistake
 
 _STATEMENT_RULES = frozenset(
-    "workspace objects region const camera define require import_ label time_steps time_span moves".split()
+    "workspace objects robots region const camera define require import_ label time_steps time_span moves".split()
 )
 
 

@@ -265,7 +265,8 @@ def head(statement: ast.Statement) -> Pieces:
                 CLOSE,
             )
         case ast.Objects(declarations):
-            yield from ("object", SPACE, FILL, INWARD, *_separate(map(_declaration, declarations)), OUTWARD, CLOSE)
+            word = "robot" if statement.are_robots else "object"
+            yield from (word, SPACE, FILL, INWARD, *_separate(map(_declaration, declarations)), OUTWARD, CLOSE)
         case ast.Region(name, _, count):
             yield from (
                 "region",

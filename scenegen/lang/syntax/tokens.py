@@ -14,6 +14,7 @@ from scenegen.errors import Diagnostic, Source, Span
 from scenegen.errors.language import NOTHING_BESIDE, UNCLOSED, WRONG_BRACKET
 
 STATEMENTS = ("workspace", "object", "region", "const", "def", "require", "import")
+ROBOT = "robot"  # opens a statement too, before `NAME =`; elsewhere it is a name
 KEYWORDS = frozenset((*STATEMENTS, *"forall exists in at and or not implies true false".split()))
 
 # the words of time, which are keywords in a spec that has a `time` statement and names in any other
@@ -261,8 +262,11 @@ def openings(text: str, scanned: Iterable[Token]) -> Iterator[tuple[int, int]]:
             inside = braces > 0 or (not token.first and (depth > 0 or quantifiers > 0))
             opens = _opens_label(text, token, previous, inside)
         else:
-            camera = token.text == "camera" and following is not None and following.kind == "name"  # else a name
-            opens = (camera or token.text in STATEMENTS) and _opens_keyword(text, token, previous, following)
+            # `camera` and `robot` are names elsewhere
+            named = following is not None and following.kind == "name"
+            known = token.text in STATEMENTS or (named and token.text == "camera")
+            opens = known and _opens_keyword(text, token, previous, following)
+            opens = opens or (named and token.text == ROBOT and token.first)
         if opens:
             yield token.start, following.end if label and following is not None else token.end
             depth = braces = quantifiers = 0

@@ -15,8 +15,8 @@ HINGES = ("revolute", "continuous")
 MAX_CHAIN_JOINTS = 12  # joints that move between base and tip
 
 
-class ArmError(MeshError):
-    """A URDF file makes no arm: the text says why, `remedy` what to do."""
+class ChainError(MeshError):
+    """A URDF file has no arm whose reach is understood: the text says why, `remedy` what to do."""
 
     def __init__(self, reason: str, remedy: str) -> None:
         super().__init__(reason)
@@ -38,6 +38,11 @@ class Hinge:
     def span(self) -> float:
         return self.high - self.low
 
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The angles that differ by more than whole turns: all of them where it turns that far."""
+        return (-math.pi, math.pi) if self.span >= math.tau else (self.low, self.high)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chain:
@@ -54,13 +59,13 @@ def read_chain(data: bytes, tip: str, base: str = "") -> Chain:
     names = [link.get("name") for link, _ in links_of(robot)]
     for wanted in (tip, base or names[0]):
         if wanted not in names:
-            raise ArmError(f"it has no link `{wanted[:60]}`", f"its links are {_listed(names)}")
+            raise ChainError(f"it has no link `{wanted[:60]}`", f"its links are {_listed(names)}")
     above = {joint.find("child").get("link"): joint for joint in robot.findall("joint")}
     steps: list[Element] = []
     link = tip
     while link != (base or names[0]):
         if link not in above:
-            raise ArmError(f"no joints lead from `{base}` to `{tip}`", "name a base that the tip hangs on")
+            raise ChainError(f"no joints lead from `{base}` to `{tip}`", "name a base that the tip hangs on")
         steps.append(above[link])
         link = above[link].find("parent").get("link")
     hinges: list[Hinge] = []
@@ -70,14 +75,14 @@ def read_chain(data: bytes, tip: str, base: str = "") -> Chain:
         if kind == "fixed":
             continue
         if kind not in HINGES:
-            raise ArmError(
+            raise ChainError(
                 f"{joint.place}: `{joint.get('name')[:60]}` between base and tip is {kind[:20]}; only joints that turn are understood",
                 "if it is a finger's, name a tip above it, such as the hand's link",
             )
         hinges.append(_hinge(joint, kind, frame))
         frame = LinkFrame(np.eye(3), np.zeros(3))
     if len(hinges) > MAX_CHAIN_JOINTS:
-        raise ArmError(f"more than {MAX_CHAIN_JOINTS} joints lead to `{tip}`", "name a base further out")
+        raise ChainError(f"more than {MAX_CHAIN_JOINTS} joints lead to `{tip}`", "name a base further out")
     return Chain(tuple(hinges), frame)
 
 

@@ -1,181 +1,280 @@
-"""What an arm reaches from above: between which radii about its first axis, at each height, a point of the hand can be
-while the hand points straight down.
+"""What an arm reaches from above: between which radii about its first axis, at each height, the tip of a hand that points
+straight down can be, whatever its heading.
 
-The joints between the first and the last decide radius, height and where the hand points; the first joint then turns
-all of it about the vertical, the last turns the hand. Postures that point down at a height are found from random ones by
-damped Gauss-Newton steps within the limits of the joints. From the innermost and the outermost of them, others are
-followed along the set of such postures as far as it goes; gaps are searched in the same way. What does not end at the
-height, straight down and within all limits is dropped, so every radius found is reached by a posture that is known.
+Random postures are brought to point down at the heights of a grid; the innermost and the outermost of each height are
+followed along the set of such postures until it ends; from those near them, all points of a grid of radii between are
+searched. A posture that is not straight down, at its place and within all limits at last counts for nothing. So every
+point of the grid that is called reached is reached, and where the search finds nothing, the ring ends.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 
-from scenegen.things.chain import ArmError, Chain, rotations
+from scenegen.things.chain import Chain, ChainError
 from scenegen.things.outline import Floats
+from scenegen.things.postures import Postures, PostureSearch
+
+Flags = npt.NDArray[np.bool_]
+Arc = tuple[float, float]  # of bearings, radians
 
 REACH_SEED = 0
-REACH_STARTS = 60_000  # random postures
-REACH_LINES = 120  # heights at which the radii are measured
-MAX_TILT = 1e-4  # radians off the vertical that count as straight down
-MAX_HEIGHT_ERROR = 1e-6  # metres
-DAMPING = 1e-6  # of the Gauss-Newton steps, squared
-MAX_TURN = 0.4  # radians that a joint turns in one step
-CLIMBERS, CLIMBS = 24, 60  # postures that are followed to each end of each height; the steps
-VERTICAL = 1e-6  # how far the cosine of an axis to the vertical may be from 1
+RANDOM_POSTURES = 60_000
+LEVELS = 60  # heights of the grid
+RADII = 200  # points of the grid over the length of the arm
+SETTLING, NEARING = 14, 5  # steps from a random posture, and from one that is near
+CLIMBERS, CLIMBS = 12, 50  # postures that are followed to either end of a height; steps of each
+NEIGHBOURS = 12, 60, 300  # postures from which a point of the grid is searched: at first; where these were not enough
+HALVING_POSTURES = 60  # the same, of a point between two of the grid
+BISECTIONS, BEND = 4, 0.5  # rounds that add heights where the ends of the ring bend by more, in steps of the grid
+HALVINGS = 3  # of the distance from the last point that is reached to the first that is not
+SLACKS = 0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4  # radians that bearings may stay within the limits of the first joint
+TESTED_BEARINGS = 73  # of an arc
+BATCH = 10_000  # postures that are moved at once
 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Radii (m) at heights (m) above the base link's origin, ascending, and the bearings (rad) from its x-axis that are
-    reached at all of them. `step` (m) is how far apart postures lie between the radii; `axis` (x, y) where the first
-    axis stands in the base link's frame; `split` (m) the heights at which further radii are reached beyond a gap."""
+    """Radii (m) about the first axis at heights (m) above the base link's origin, ascending, and the bearings (rad) from
+    the base's x-axis at which all of them are reached. `level` and `step` (m) are the distances of the grid in height
+    and in radius; `axis` is where the first axis stands in the base link's frame (x, y), `gaps` the heights at which
+    more is reached beyond a gap."""
 
     heights: tuple[float, ...]
     nearest: tuple[float, ...]
     farthest: tuple[float, ...]
-    bearing: tuple[float, float]
+    bearing: Arc
+    level: float
     step: float
     axis: tuple[float, float]
-    split: tuple[float, ...]
+    gaps: tuple[float, ...]
+
+
+def measure_reach(chain: Chain, approach: Floats, beyond: float = 0.0) -> Reach:
+    """The ring of an arm, with the hand as `PostureSearch` takes it.
+
+    Headings count up to half a turn, as those of two fingers do. Of radii that are not connected the widest ring counts;
+    bearings are all, or those within the limits of the first joint: whichever covers more of the table. Raises
+    ChainError for an arm of another kind, and for one whose hand cannot point down.
+    """
+    arm = PostureSearch(chain, approach, beyond)
+    grid = _Grid(arm, np.random.default_rng(REACH_SEED))
+    heights, spans, gaps = grid.ring()
+    if len(heights) < 2:
+        raise ChainError(
+            "its hand cannot point straight down over a ring about its first joint",
+            "name the direction in which the hand points with <approach>, and look at the limits of the joints",
+        )
+    nearest, farthest = spans.T.tolist()
+    found = heights[gaps].tolist()
+    return Reach(
+        tuple(heights.tolist()), tuple(nearest), tuple(farthest), grid.arc, grid.rise, grid.step, arm.axis, tuple(found)
+    )
+
+
+def _arcs(arm: PostureSearch) -> Iterator[Arc]:
+    """The arcs of bearings that a ring may hold for."""
+    yield -math.pi, math.pi
+    low, high = arm.bearing
+    if high - low < math.tau:
+        yield from ((low + slack, high - slack) for slack in SLACKS if low + slack < high - slack)
+
+
+def _covered(arc: Arc, spans: Floats) -> float:
+    return (arc[1] - arc[0]) * float((spans[:, 1] ** 2 - spans[:, 0] ** 2).sum())
+
+
+def _longest(flags: Flags) -> tuple[int, int]:
+    """Where the longest run of True begins and ends; (0, 0) where there is none."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8))).reshape(-1, 2)
+    if not len(edges):
+        return 0, 0
+    first, last = edges[np.argmax(edges[:, 1] - edges[:, 0])].tolist()
+    return first, last
 
 
 @dataclass(slots=True, eq=False)
-class Postures:
-    """Angles (N, M) of the joints between first and last: where the hand is, as columns of N."""
+class _Level:
+    """What is known of one height: postures there by their radii, ascending, and the radii that were searched, with the
+    bearings that postures found there have, the first joint at 0."""
 
+    height: float
     angles: Floats
-    pointing: Floats  # (N, 3) the direction of the hand
-    at: Floats  # (N, 3) the point on the last joint's axis beside the tip; the first axis is x = y = 0
-    axes: Floats  # (N, M, 3)
-    centers: Floats  # (N, M, 3)
+    radii: Floats
+    points: dict[float, Floats] = field(default_factory=dict)
 
-    @property
-    def radii(self) -> Floats:
-        return np.hypot(self.at[:, 0], self.at[:, 1])
+    @classmethod
+    def of(cls, height: float, now: Postures, holds: Flags) -> _Level:
+        level = cls(height, now.angles[:0], now.radii[:0])
+        level.add(now, holds)
+        return level
 
+    @classmethod
+    def union(cls, parts: tuple[_Level, ...]) -> _Level:
+        angles, radii = (np.concatenate(each) for each in ([one.angles for one in parts], [one.radii for one in parts]))
+        order = np.argsort(radii, kind="stable")
+        return cls(parts[0].height, angles[order], radii[order])
 
-class _Arm:
-    """The chain as the search sees it."""
-
-    def __init__(self, chain: Chain, approach: Floats, beyond: float) -> None:
-        first, *self.inner, last = chain.hinges
-        upright = float((first.frame.turn @ first.axis)[2])
-        if abs(abs(upright) - 1.0) > VERTICAL:
-            raise ArmError(f"its first joint, `{first.name[:60]}`, does not turn about the vertical", "name the link that stands on the table as the base")
-        ahead = chain.tip.turn @ approach
-        along = float(last.axis @ ahead)
-        if abs(abs(along) - 1.0) > VERTICAL:
-            raise ArmError(f"its last joint, `{last.name[:60]}`, does not turn the hand about the direction in which it points", "name that direction with <approach>: x, y, z, -x, -y or -z of the tip link")
-        if last.span < math.pi:
-            raise ArmError(f"its last joint, `{last.name[:60]}`, turns by less than half a turn: a hand that points down cannot have every heading", "such arms have no ring that holds for all headings")
-        self.last, self.first = last, first
-        tip = chain.tip.at + beyond * ahead
-        self.end = last.axis * float(last.axis @ tip)
-        self.offset = float(np.linalg.norm(tip - self.end))
-        self.pointing = last.axis * math.copysign(1.0, along)
-        self.low, self.high = (np.array(one) for one in zip(*(_range(one.low, one.high) for one in self.inner), strict=True))
-        self.axis = first.frame.at[0], first.frame.at[1]
-        low, high = _range(first.low, first.high)
-        self.bearing = (low, high) if upright > 0.0 else (-high, -low)
-        self.length = sum(float(np.linalg.norm(one.frame.at)) for one in (*self.inner[1:], last)) + float(np.linalg.norm(self.end))
-
-    def place(self, angles: Floats) -> Postures:
-        """Forward kinematics of angles (N, M), the first joint at 0."""
-        count = len(angles)
-        turn = np.broadcast_to(self.first.frame.turn, (count, 3, 3))
-        at = np.broadcast_to(self.first.frame.at - [*self.axis, 0.0], (count, 3))
-        axes, centers = np.empty((count, len(self.inner), 3)), np.empty((count, len(self.inner), 3))
-        for number, hinge in enumerate(self.inner):
-            at = at + turn @ hinge.frame.at
-            turn = turn @ hinge.frame.turn
-            axes[:, number], centers[:, number] = turn @ hinge.axis, at
-            turn = turn @ rotations(hinge.axis, angles[:, number])
-        at = at + turn @ (self.last.frame.at + self.last.frame.turn @ self.end)
-        pointing = turn @ (self.last.frame.turn @ self.pointing)
-        return Postures(angles, pointing, at, axes, centers)
-
-    def errors(self, now: Postures, heights: Floats) -> Floats:
-        """(N, 3): the turn about x and y that makes the hand point down, and the height that it lacks."""
-        x, y, z = now.pointing.T
-        sine = np.maximum(np.hypot(x, y), 1e-12)
-        scale = np.arctan2(sine, -z) / sine
-        return np.column_stack([-y * scale, x * scale, heights - now.at[:, 2]])
-
-    def slopes(self, now: Postures) -> tuple[Floats, Floats]:
-        """(N, 3, M): how turn and height change with the angles; (N, M): how the radius does."""
-        moves = np.cross(now.axes, now.at[:, None, :] - now.centers)
-        rows = np.stack([now.axes[:, :, 0], now.axes[:, :, 1], moves[:, :, 2]], axis=1)
-        outward = now.at[:, None, :2] / np.maximum(now.radii, 1e-9)[:, None, None]
-        return rows, (moves[:, :, :2] * outward).sum(axis=2)
-
-    def settle(self, angles: Floats, heights: Floats, steps: int) -> Postures:
-        """Gauss-Newton steps to postures that point down at these heights, within the limits."""
-        now = self.place(angles)
-        for _ in range(steps):
-            rows, _ = self.slopes(now)
-            errors = self.errors(now, heights)
-            move = _least(rows, errors)
-            stuck = self.stuck(now.angles, move)
-            move = _least(np.where(stuck[:, None, :], 0.0, rows), errors)
-            now = self.place(self.clip(now.angles + np.clip(move, -MAX_TURN, MAX_TURN)))
-        return now
-
-    def stuck(self, angles: Floats, move: Floats) -> Floats:
-        return ((angles <= self.low) & (move < 0.0)) | ((angles >= self.high) & (move > 0.0))
-
-    def clip(self, angles: Floats) -> Floats:
-        return np.clip(angles, self.low, self.high)
-
-    def holds(self, now: Postures, heights: Floats) -> Floats:
-        """(N,): which point straight down at their height. Angles are within limits wherever they are clipped."""
-        tilt = np.hypot(now.pointing[:, 0], now.pointing[:, 1])
-        level = np.abs(now.at[:, 2] - heights) <= MAX_HEIGHT_ERROR
-        return (tilt <= MAX_TILT) & (now.pointing[:, 2] < 0.0) & level
-
-    def follow(self, angles: Floats, heights: Floats, goals: Floats) -> tuple[Floats, Floats]:
-        """From postures that hold towards the radius of each goal, steps that keep pointing and height: the angles they
-        end at, and all (height, radius, bearing) that they come through."""
-        now = self.place(angles)
-        size = np.full(len(angles), 0.1)
-        trail = []
-        for _ in range(CLIMBS):
-            rows, slope = self.slopes(now)
-            wish = (goals - now.radii)
-            want = slope * np.sign(wish)[:, None]
-            free = np.ones_like(want, dtype=bool)
-            for _ in range(2):
-                masked = np.where(free[:, None, :], rows, 0.0)
-                along = np.where(free, want - _least(masked, np.einsum("nij,nj->ni", masked, np.where(free, want, 0.0))), 0.0)
-                free &= ~self.stuck(now.angles, along)
-            along = np.where(free, along, 0.0)
-            steep = np.linalg.norm(along, axis=1)
-            length = np.minimum(size, np.abs(wish) / np.maximum(steep, 1e-6))
-            move = along * (length / np.maximum(steep, 1e-9))[:, None]
-            tried = self.settle(self.clip(now.angles + move), heights, 3)
-            better = self.holds(tried, heights) & (np.abs(goals - tried.radii) < np.abs(goals - now.radii))
-            now = self.place(np.where(better[:, None], tried.angles, now.angles))
-            size = np.clip(np.where(better, size * 1.4, size * 0.4), 1e-7, MAX_TURN)
-            trail.append(self.marks(tried, heights)[better])
-        return now.angles, np.concatenate(trail)
-
-    def marks(self, now: Postures, heights: Floats) -> Floats:
-        """(N, 3): height, radius, bearing."""
-        return np.column_stack([heights, now.radii, np.arctan2(now.at[:, 1], now.at[:, 0])])
+    def add(self, now: Postures, holds: Flags) -> None:
+        radii = np.concatenate([self.radii, now.radii[holds]])
+        order = np.argsort(radii, kind="stable")
+        self.angles, self.radii = np.concatenate([self.angles, now.angles[holds]])[order], radii[order]
 
 
-def _range(low: float, high: float) -> tuple[float, float]:
-    """Limits of an angle of which whole turns do not matter."""
-    return (-math.pi, math.pi) if high - low >= math.tau else (low, high)
+class _Grid:
+    """The search over heights and radii: `arc` is that of the ring, `rise` and `step` the distances of the grid."""
 
+    def __init__(self, arm: PostureSearch, rng: np.random.Generator) -> None:
+        self.arm, self.step, self.rise = arm, arm.length / RADII, 0.0
+        arcs = list(_arcs(arm))
+        self.levels = self._random_levels(rng)
+        self._explore(self.levels, arcs[:2])
+        self.arc = max(arcs, key=lambda arc: _covered(arc, self._spans(arc)))
+        for _ in range(BISECTIONS):
+            more = [self._between(*pair) for pair in self._bent()]
+            self._explore(more, [self.arc])
+            self.levels = sorted([*self.levels, *more], key=lambda level: level.height)
 
-def _least(rows: Floats, errors: Floats) -> Floats:
-    """The smallest moves (N, M) with rows (N, 3, M) @ move = errors (N, 3), damped."""
-    square = rows @ rows.transpose(0, 2, 1) + DAMPING * np.eye(3)
-    solved: Floats = np.linalg.solve(square, errors[:, :, None])
-    return (rows.transpose(0, 2, 1) @ solved)[:, :, 0]
+    def ring(self) -> tuple[Floats, Floats, Flags]:
+        """Heights (L,), radii (L, 2), and at which heights two points or more are reached beside the ring."""
+        spans = self._spans(self.arc) + [self.arm.offset, -self.arm.offset]  # reached then whatever the heading
+        first, last = _longest(spans[:, 1] - spans[:, 0] > self.step)
+        levels, spans = self.levels[first:last], spans[first:last]
+        flags = [self._reached(level, self.arc) for level in levels]
+        gaps = [int(one.sum()) - (end - begin) >= 2 for one in flags for begin, end in [_longest(one)]]
+        heights = np.array([level.height for level in levels])
+        jumps = np.flatnonzero(np.abs(np.diff(spans, axis=0)).max(axis=1, initial=0.0) > 2.0 * self.step)
+        for jump in jumps[np.diff(heights)[jumps] < self.rise / 2.0].tolist():  # an edge between two heights
+            both = spans[jump : jump + 2]
+            both[:] = both[:, 0].max(), both[:, 1].min()
+        return heights, spans, np.array(gaps, dtype=bool)
+
+    def _bent(self) -> list[tuple[_Level, _Level]]:
+        """Neighbouring heights between which the ends of the ring may not run straight."""
+        spans = self._spans(self.arc)
+        first, last = _longest(spans[:, 1] > spans[:, 0])
+        heights = np.array([level.height for level in self.levels])
+        bends = set()
+        for at in range(first + 1, last - 1):
+            share = (heights[at] - heights[at - 1]) / (heights[at + 1] - heights[at - 1])
+            straight = spans[at - 1] + share * (spans[at + 1] - spans[at - 1])
+            if np.abs(straight - spans[at]).max() > BEND * self.step:
+                bends |= {at - 1, at}
+        return [(self.levels[at], self.levels[at + 1]) for at in sorted(bends)]
+
+    def _between(self, low: _Level, high: _Level) -> _Level:
+        """The height halfway, with the postures that those of both lead to."""
+        angles = np.concatenate([low.angles, high.angles])
+        height = (low.height + high.height) / 2.0
+        heights = np.full(len(angles), height)
+        now = self.arm.settle(angles, NEARING, heights)
+        return _Level.of(height, now, self.arm.holds(now, heights))
+
+    def _random_levels(self, rng: np.random.Generator) -> list[_Level]:
+        """The heights of the grid, with what random postures come to at each."""
+        arm = self.arm
+        first = arm.settle(self._random(BATCH, rng), SETTLING)
+        heights = first.at[arm.holds(first), 2]
+        if not len(heights):
+            return []
+        edge = arm.length / LEVELS
+        levels = np.linspace(heights.min() - edge, heights.max() + edge, LEVELS)
+        self.rise = float(levels[1] - levels[0])
+        found: list[list[_Level]] = []
+        for _ in range(RANDOM_POSTURES // BATCH):
+            chosen = rng.integers(LEVELS, size=BATCH)
+            now = arm.settle(self._random(BATCH, rng), SETTLING, levels[chosen])
+            holds = arm.holds(now, levels[chosen])
+            found.append([_Level.of(height, now, holds & (chosen == number)) for number, height in enumerate(levels.tolist())])
+        return [_Level.union(parts) for parts in zip(*found, strict=True)]
+
+    def _random(self, count: int, rng: np.random.Generator) -> Floats:
+        return rng.uniform(self.arm.low, self.arm.high, (count, len(self.arm.low)))
+
+    def _explore(self, levels: list[_Level], arcs: list[Arc]) -> None:
+        """Search the radii of these heights, and the ends of the ring of each arc more closely."""
+        self._follow_ends(levels)
+        for level in levels:
+            if len(level.radii):
+                low, high = float(level.radii[0]), float(level.radii[-1])
+                whole = np.arange(math.ceil(low / self.step), math.floor(high / self.step) + 1) * self.step
+                level.points = dict.fromkeys([low, *whole.tolist(), high], np.empty(0))
+        for count in NEIGHBOURS:
+            self._search([place for level in levels for place in self._missing(level, arcs[0])], count)
+        for arc in arcs:
+            for _ in range(HALVINGS):
+                self._search([(level, radius) for level in levels for radius in self._edges(level, arc)], HALVING_POSTURES)
+
+    def _missing(self, level: _Level, arc: Arc) -> list[tuple[_Level, float]]:
+        return [(level, one) for one, found in zip(sorted(level.points), self._reached(level, arc), strict=True) if not found]
+
+    def _follow_ends(self, levels: list[_Level]) -> None:
+        """The postures of each height go on with those that the innermost and outermost lead to."""
+        for goal, ends in ((0.0, slice(None, CLIMBERS)), (self.arm.length * 2.0, slice(-CLIMBERS, None))):
+            starts = [level.angles[ends] for level in levels]
+            heights = np.repeat([level.height for level in levels], list(map(len, starts)))
+            if len(heights):
+                now = self.arm.follow(np.concatenate(starts), heights, np.full(len(heights), goal), CLIMBS)
+                for level in levels:
+                    level.add(now, heights == level.height)
+
+    def _search(self, places: list[tuple[_Level, float]], count: int) -> None:
+        """Postures at these heights and radii, from the `count` nearest at the same height."""
+        starts, owners = [], []
+        for number, (level, radius) in enumerate(places):
+            middle = int(np.searchsorted(level.radii, radius))
+            first = max(0, min(middle - count // 2, len(level.radii) - count))
+            starts.append(level.angles[first : first + count])
+            owners.append(np.full(len(starts[-1]), number))
+        if not starts:
+            return
+        angles, owner = np.concatenate(starts), np.concatenate(owners)
+        heights, radii = (np.array(column)[owner] for column in zip(*((level.height, radius) for level, radius in places), strict=True))
+        bearings = np.full(len(angles), np.nan)
+        for begin in range(0, len(angles), BATCH):
+            part = slice(begin, begin + BATCH)
+            now: Postures = self.arm.settle(angles[part], NEARING, heights[part], radii[part])
+            bearings[part] = np.where(self.arm.holds(now, heights[part], radii[part]), now.bearings, np.nan)
+        ends = np.searchsorted(owner, np.arange(len(places) + 1))
+        for (level, radius), first, last in zip(places, ends, ends[1:], strict=False):
+            here = bearings[first:last]
+            level.points[radius] = np.concatenate([level.points.get(radius, np.empty(0)), here[~np.isnan(here)]])
+
+    def _edges(self, level: _Level, arc: Arc) -> Iterator[float]:
+        """The radii halfway from the ends of the ring to the next points that are not reached."""
+        points, fine = sorted(level.points), self._reached(level, arc)
+        first, last = _longest(fine)
+        if first < last and first > 0:
+            yield (points[first - 1] + points[first]) / 2.0
+        if first < last < len(points):
+            yield (points[last - 1] + points[last]) / 2.0
+
+    def _reached(self, level: _Level, arc: Arc) -> Flags:
+        """Which of the points of a height, ascending, are reached at all bearings of the arc."""
+        low, high = self.arm.bearing
+        tests = np.linspace(*arc, TESTED_BEARINGS)
+        found = np.zeros(len(level.points), dtype=bool)
+        for number, radius in enumerate(sorted(level.points)):
+            bearings = level.points[radius]
+            if high - low >= math.tau:
+                found[number] = len(bearings) > 0
+                continue
+            aside = math.asin(min(1.0, self.arm.offset / max(radius, 1e-9)))
+            begin, length = bearings + low + aside, high - low - 2.0 * aside
+            found[number] = bool((np.mod(tests[:, None] - begin + 1e-9, math.tau) <= length + 2e-9).any(axis=1).all())
+        return found
+
+    def _spans(self, arc: Arc) -> Floats:
+        """(levels, 2): the ends of the widest ring at each height; (0, 0) where there is none."""
+        found = np.zeros((len(self.levels), 2))
+        for number, level in enumerate(self.levels):
+            points = sorted(level.points)
+            first, last = _longest(self._reached(level, arc))
+            if last > first:
+                found[number] = points[first], points[last - 1]
+        return found

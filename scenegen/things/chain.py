@@ -46,9 +46,12 @@ class Hinge:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chain:
-    """Hinges from the base outwards; `tip` is the frame of the tip link in that of the last hinge."""
+    """Hinges from the link `base` outwards, and `tip`, the frame of the tip link in that of the last hinge, which moves
+    the link `last`."""
 
+    base: str
     hinges: tuple[Hinge, ...]
+    last: str
     tip: LinkFrame
 
 
@@ -69,6 +72,7 @@ def read_chain(data: bytes, tip: str, base: str = "") -> Chain:
         steps.append(above[link])
         link = above[link].find("parent").get("link")
     hinges: list[Hinge] = []
+    last = base or names[0]
     frame = LinkFrame(np.eye(3), np.zeros(3))
     for joint in reversed(steps):
         frame, kind = frame.then(origin_of(joint)), joint.get("type")
@@ -80,10 +84,11 @@ def read_chain(data: bytes, tip: str, base: str = "") -> Chain:
                 "if it is a finger's, name a tip above it, such as the hand's link",
             )
         hinges.append(_hinge(joint, kind, frame))
+        last = joint.find("child").get("link")
         frame = LinkFrame(np.eye(3), np.zeros(3))
     if len(hinges) > MAX_CHAIN_JOINTS:
         raise ChainError(f"more than {MAX_CHAIN_JOINTS} joints lead to `{tip}`", "name a base further out")
-    return Chain(tuple(hinges), frame)
+    return Chain(base or names[0], tuple(hinges), last, frame)
 
 
 def _hinge(joint: Element, kind: str, frame: LinkFrame) -> Hinge:

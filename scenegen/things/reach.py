@@ -24,24 +24,25 @@ Flags = npt.NDArray[np.bool_]
 Arc = tuple[float, float]  # of bearings, radians
 
 REACH_SEED = 0
-RANDOM_POSTURES = 60_000
+RANDOM_POSTURES = 40_000
 LEVELS = 60  # heights of the grid
 RADII = 200  # points of the grid over the length of the arm
-SETTLING, NEARING = 14, 5  # steps from a random posture, and from one that is near
-CLIMBERS, CLIMBS = 12, 50  # postures that are followed to either end of a height; steps of each
-NEIGHBOURS = 12, 60, 300  # postures from which a point of the grid is searched: at first; where these were not enough
-HALVING_POSTURES = 60  # the same, of a point between two of the grid
+SETTLING, NEARING = 14, 6  # steps from a random posture, and from one that is near
+CLIMBERS, CLIMBS = 8, 40  # postures that are followed to either end of a height; steps of each
+NEIGHBOURS = 12, 40, 120  # postures from which a point of the grid is searched: at first; where these were not enough
+STRIDE = 4  # of the nearest postures every so many counts: the ends, to which many were followed, are crowded
 BISECTIONS, BEND = 4, 0.5  # rounds that add heights where the ends of the ring bend by more, in steps of the grid
 HALVINGS = 3  # of the distance from the last point that is reached to the first that is not
 SLACKS = 0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4  # radians that bearings may stay within the limits of the first joint
 TESTED_BEARINGS = 73  # of an arc
+ROUNDING = 1e-9  # radians
 BATCH = 10_000  # postures that are moved at once
 
 
 @dataclass(frozen=True, slots=True)
 class Reach:
     """Radii (m) about the first axis at heights (m) above the base link's origin, ascending, and the bearings (rad) from
-    the base's x-axis at which all of them are reached. `level` and `step` (m) are the distances of the grid in height
+    the base's x-axis at which all of them are reached. `rise` and `step` (m) are the distances of the grid in height
     and in radius; `axis` is where the first axis stands in the base link's frame (x, y), `gaps` the heights at which
     more is reached beyond a gap."""
 
@@ -49,7 +50,7 @@ class Reach:
     nearest: tuple[float, ...]
     farthest: tuple[float, ...]
     bearing: Arc
-    level: float
+    rise: float
     step: float
     axis: tuple[float, float]
     gaps: tuple[float, ...]
@@ -131,13 +132,15 @@ class _Grid:
 
     def __init__(self, arm: PostureSearch, rng: np.random.Generator) -> None:
         self.arm, self.step, self.rise = arm, arm.length / RADII, 0.0
-        arcs = list(_arcs(arm))
+        self.arc = -math.pi, math.pi
         self.levels = self._random_levels(rng)
-        self._explore(self.levels, arcs[:2])
-        self.arc = max(arcs, key=lambda arc: _covered(arc, self._spans(arc)))
+        self._begin(self.levels)
+        self.arc = max(_arcs(arm), key=lambda arc: _covered(arc, self._spans(arc)))
+        self._refine(self.levels)
         for _ in range(BISECTIONS):
             more = [self._between(*pair) for pair in self._bent()]
-            self._explore(more, [self.arc])
+            self._begin(more)
+            self._refine(more)
             self.levels = sorted([*self.levels, *more], key=lambda level: level.height)
 
     def ring(self) -> tuple[Floats, Floats, Flags]:
@@ -148,11 +151,13 @@ class _Grid:
         flags = [self._reached(level, self.arc) for level in levels]
         gaps = [int(one.sum()) - (end - begin) >= 2 for one in flags for begin, end in [_longest(one)]]
         heights = np.array([level.height for level in levels])
-        jumps = np.flatnonzero(np.abs(np.diff(spans, axis=0)).max(axis=1, initial=0.0) > 2.0 * self.step)
-        for jump in jumps[np.diff(heights)[jumps] < self.rise / 2.0].tolist():  # an edge between two heights
-            both = spans[jump : jump + 2]
-            both[:] = both[:, 0].max(), both[:, 1].min()
-        return heights, spans, np.array(gaps, dtype=bool)
+        inner = spans.copy()
+        for at in np.flatnonzero(np.diff(heights) < self.rise / 2.0 ** (BISECTIONS - 1)).tolist():
+            if np.abs(spans[at + 1] - spans[at]).max() > 2.0 * self.step:  # an edge somewhere between the two
+                low, high = max(spans[at : at + 2, 0]), min(spans[at : at + 2, 1])
+                for one in (inner[at], inner[at + 1]):
+                    one[:] = max(one[0], low), min(one[1], high)
+        return heights, inner, np.array(gaps, dtype=bool)
 
     def _bent(self) -> list[tuple[_Level, _Level]]:
         """Neighbouring heights between which the ends of the ring may not run straight."""
@@ -196,22 +201,26 @@ class _Grid:
     def _random(self, count: int, rng: np.random.Generator) -> Floats:
         return rng.uniform(self.arm.low, self.arm.high, (count, len(self.arm.low)))
 
-    def _explore(self, levels: list[_Level], arcs: list[Arc]) -> None:
-        """Search the radii of these heights, and the ends of the ring of each arc more closely."""
+    def _begin(self, levels: list[_Level]) -> None:
+        """Search the radii of these heights from the nearest postures."""
         self._follow_ends(levels)
         for level in levels:
             if len(level.radii):
                 low, high = float(level.radii[0]), float(level.radii[-1])
                 whole = np.arange(math.ceil(low / self.step), math.floor(high / self.step) + 1) * self.step
                 level.points = dict.fromkeys([low, *whole.tolist(), high], np.empty(0))
-        for count in NEIGHBOURS:
-            self._search([place for level in levels for place in self._missing(level, arcs[0])], count)
-        for arc in arcs:
-            for _ in range(HALVINGS):
-                self._search([(level, radius) for level in levels for radius in self._edges(level, arc)], HALVING_POSTURES)
+        self._search([(level, radius) for level in levels for radius in level.points], NEIGHBOURS[0])
 
-    def _missing(self, level: _Level, arc: Arc) -> list[tuple[_Level, float]]:
-        return [(level, one) for one, found in zip(sorted(level.points), self._reached(level, arc), strict=True) if not found]
+    def _refine(self, levels: list[_Level]) -> None:
+        """Search again, from more, where not all of the arc was found; and the ends of the ring more closely."""
+        for count in NEIGHBOURS[1:]:
+            self._search([(level, radius) for level in levels for radius in self._missing(level)], count)
+        for _ in range(HALVINGS):
+            self._search([(level, radius) for level in levels for radius in self._edges(level)], NEIGHBOURS[1])
+
+    def _missing(self, level: _Level) -> list[float]:
+        found = self._reached(level, self.arc)
+        return [one for one, is_found in zip(sorted(level.points), found, strict=True) if not is_found]
 
     def _follow_ends(self, levels: list[_Level]) -> None:
         """The postures of each height go on with those that the innermost and outermost lead to."""
@@ -228,8 +237,8 @@ class _Grid:
         starts, owners = [], []
         for number, (level, radius) in enumerate(places):
             middle = int(np.searchsorted(level.radii, radius))
-            first = max(0, min(middle - count // 2, len(level.radii) - count))
-            starts.append(level.angles[first : first + count])
+            first = max(0, min(middle - count * STRIDE // 2, len(level.radii) - count * STRIDE))
+            starts.append(level.angles[first : first + count * STRIDE : STRIDE])
             owners.append(np.full(len(starts[-1]), number))
         if not starts:
             return
@@ -245,10 +254,10 @@ class _Grid:
             here = bearings[first:last]
             level.points[radius] = np.concatenate([level.points.get(radius, np.empty(0)), here[~np.isnan(here)]])
 
-    def _edges(self, level: _Level, arc: Arc) -> Iterator[float]:
+    def _edges(self, level: _Level) -> Iterator[float]:
         """The radii halfway from the ends of the ring to the next points that are not reached."""
-        points, fine = sorted(level.points), self._reached(level, arc)
-        first, last = _longest(fine)
+        points = sorted(level.points)
+        first, last = _longest(self._reached(level, self.arc))
         if first < last and first > 0:
             yield (points[first - 1] + points[first]) / 2.0
         if first < last < len(points):
@@ -256,17 +265,19 @@ class _Grid:
 
     def _reached(self, level: _Level, arc: Arc) -> Flags:
         """Which of the points of a height, ascending, are reached at all bearings of the arc."""
+        parts = [level.points[radius] for radius in sorted(level.points)]
+        counts = np.array(list(map(len, parts)), dtype=np.intp)
+        found = counts > 0
         low, high = self.arm.bearing
+        if not found.any() or high - low >= math.tau:
+            return found
+        bearings, radii = np.concatenate(parts), np.repeat(sorted(level.points), counts)
+        aside = np.arcsin(np.minimum(1.0, self.arm.offset / np.maximum(radii, 1e-9)))  # of the tip, at most
         tests = np.linspace(*arc, TESTED_BEARINGS)
-        found = np.zeros(len(level.points), dtype=bool)
-        for number, radius in enumerate(sorted(level.points)):
-            bearings = level.points[radius]
-            if high - low >= math.tau:
-                found[number] = len(bearings) > 0
-                continue
-            aside = math.asin(min(1.0, self.arm.offset / max(radius, 1e-9)))
-            begin, length = bearings + low + aside, high - low - 2.0 * aside
-            found[number] = bool((np.mod(tests[:, None] - begin + 1e-9, math.tau) <= length + 2e-9).any(axis=1).all())
+        off = np.mod(tests - (bearings + low + aside)[:, None] + ROUNDING, math.tau)
+        inside = off <= (high - low - 2.0 * aside)[:, None] + 2.0 * ROUNDING
+        begins = (np.cumsum(counts) - counts)[found]
+        found[found] = np.logical_or.reduceat(inside, begins, axis=0).all(axis=1)
         return found
 
     def _spans(self, arc: Arc) -> Floats:

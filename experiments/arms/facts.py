@@ -48,7 +48,7 @@ def _robot(name: str, joints: list[str]) -> str:
 
 
 def ur5e() -> str:
-    """The UR5e; its flange is link6."""
+    """The UR5e; its flange is link7."""
     joints, at, turn = [], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for number, (name, a, d, alpha, limit) in enumerate(UR5E):
         joints.append(_joint(name, at, turn, number, (-limit, limit)))

@@ -39,7 +39,9 @@ def fits(chain: Chain, angles: Floats, turn: Floats, at: Floats, error: float = 
     if not len(wrapped):
         return False
     found_turn, found_at = forward(chain, wrapped)
-    return bool(((np.abs(found_turn - turn).max(axis=(1, 2)) <= error) & (np.abs(found_at - at).max(axis=1) <= error)).any())
+    return bool(
+        ((np.abs(found_turn - turn).max(axis=(1, 2)) <= error) & (np.abs(found_at - at).max(axis=1) <= error)).any()
+    )
 
 
 def two_links(first: float, second: float, x: float, y: float) -> Iterator[tuple[float, float]]:
@@ -90,7 +92,10 @@ def solve_planar(chain: Chain, yaw: float, at: Floats) -> Floats:
     tip_turn, tip = (one[0] for one in forward(chain, np.zeros((1, count))))
     roll = axes[4]
     foot = places[4] + roll * float(roll @ (tip - places[4]))  # of the tip on the last axis
-    plane = [np.array([float(one @ radial), one[2]]) for one in (*(place - places[0] for place in places[1:4]), foot - places[0])]
+    plane = [
+        np.array([float(one @ radial), one[2]])
+        for one in (*(place - places[0] for place in places[1:4]), foot - places[0])
+    ]
     aside = float((foot - places[0]) @ lateral)
     offset = tip_turn.T @ (tip - foot)
     wanted = at - down(yaw) @ offset - places[0]

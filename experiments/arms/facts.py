@@ -34,7 +34,9 @@ SO101 = (
 SO101_TIP = (-0.0079, -0.0002, -0.0981), (0.0, HALF, 0.0)
 
 
-def _joint(name: str, at: tuple[float, ...], turn: tuple[float, ...], number: int, limits: tuple[float, float] | None) -> str:
+def _joint(
+    name: str, at: tuple[float, ...], turn: tuple[float, ...], number: int, limits: tuple[float, float] | None
+) -> str:
     xyz, rpy = (" ".join(f"{one:.12g}" for one in values) for values in (at, turn))
     kind = "fixed" if limits is None else "revolute"
     limit = "" if limits is None else f'<axis xyz="0 0 1"/><limit lower="{limits[0]:.12g}" upper="{limits[1]:.12g}"/>'

@@ -77,7 +77,9 @@ def border_distances(arm: Arm, places: Floats) -> Floats:
     return best
 
 
-def measure(arm: Arm, is_reached: IsReached, axis: tuple[float, float], count: int, seed: int = SEED) -> dict[str, float]:
+def measure(
+    arm: Arm, is_reached: IsReached, axis: tuple[float, float], count: int, seed: int = SEED
+) -> dict[str, float]:
     """Counts of the poses off the border, by claim and truth; precision and recall, over all bearings and over those
     within the arm's `bearing`. `axis` is where the first axis stands in the base link's frame."""
     places, yaws = draw_poses(arm, count, seed)
@@ -140,11 +142,13 @@ def panda_oracle(chain: Chain) -> IsReached:
         goal[:3, :3], goal[:3, 3] = down(yaw), place
         if math.hypot(place[0], place[1]) > 1.0:
             return False
-        for q7 in last[np.argsort(np.abs(last - math.pi / 4.0))].tolist():
-            if fits(chain, frankik.ik_full(goal @ to_frankik, None, q7), goal[:3, :3], place, 1e-4):
+        wanted = goal @ to_frankik
+        for some in (last[::20], last):
+            found = np.concatenate([frankik.ik_full(wanted, None, q7) for q7 in some.tolist()])
+            if fits(chain, found, goal[:3, :3], place, 1e-4):
                 return True
-        found = [one.q for one in franka_panda_ik.solve(goal @ to_ssik, allow_rescue=False)]
-        return bool(found) and fits(chain, np.array(found), goal[:3, :3], place, 1e-4)
+        others = [one.q for one in franka_panda_ik.solve(goal @ to_ssik, allow_rescue=False)]
+        return bool(others) and fits(chain, np.array(others), goal[:3, :3], place, 1e-4)
 
     return reaches
 

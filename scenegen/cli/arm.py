@@ -13,18 +13,29 @@ from scenegen.errors.files import NO_ARM
 from scenegen.errors.requests import OUT_OF_PLACE
 
 DIRECTIONS = {
-    f"{sign}{name}": tuple(float(sign + "1") if name == one else 0.0 for one in "xyz") for sign in ("", "-") for name in "xyz"
+    f"{sign}{name}": tuple(float(sign + "1") if name == one else 0.0 for one in "xyz")
+    for sign in ("", "-")
+    for name in "xyz"
 }
 MAX_URDF_BYTES = 8_000_000
 
 
 def arm(
     urdf: Path = argument("The URDF file of the arm.", "FILE.urdf"),
-    tip: str = option("The link whose origin is between the fingertips, or the last one of the arm.", "LINK", default=...),
+    tip: str = option(
+        "The link whose origin is between the fingertips, or the last one of the arm.", "LINK", default=...
+    ),
     out: Path = option("The file of the arm; its name is that of the arm.", "FILE.toml", default=...),
     base: str = option("The link that stands on the table; the root if left out.", "LINK", default=""),
-    approach: str = option("The direction of the tip link in which the hand points.", "AXIS", default="z", autocompletion=choices(*DIRECTIONS)),
-    tool: str = option("How far beyond the tip link's origin, in that direction, the fingertips are: 16cm.", "LENGTH", default="0"),
+    approach: str = option(
+        "The direction of the tip link in which the hand points.",
+        "AXIS",
+        default="z",
+        autocompletion=choices(*DIRECTIONS),
+    ),
+    tool: str = option(
+        "How far beyond the tip link's origin, in that direction, the fingertips are: 16cm.", "LENGTH", default="0"
+    ),
     base_size: str | None = option("Width, depth and height of the base: 20cm,25cm,15cm.", "W,D,H"),
     opening: str | None = option("The widest gap between the open fingers.", "LENGTH"),
     finger: str | None = option("A finger along the direction in which the hand closes, and across.", "T,W"),
@@ -55,9 +66,17 @@ def arm(
     check_writable(out, urdf)
     check_ending(out, ".toml")
     if approach not in DIRECTIONS:
-        raise RequestError(OUT_OF_PLACE(option="--approach", rule=f"is no axis: {approach}", remedy=f"use {', '.join(DIRECTIONS)}"))
+        raise RequestError(
+            OUT_OF_PLACE(option="--approach", rule=f"is no axis: {approach}", remedy=f"use {', '.join(DIRECTIONS)}")
+        )
     ahead = np.array(DIRECTIONS[approach])
-    sizes = {"base": (base_size, 3), "opening": (opening, 1), "finger": (finger, 2), "finger_length": (finger_length, 1), "palm": (palm, 3)}
+    sizes = {
+        "base": (base_size, 3),
+        "opening": (opening, 1),
+        "finger": (finger, 2),
+        "finger_length": (finger_length, 1),
+        "palm": (palm, 3),
+    }
     given = {name: _lengths(text, count, name) for name, (text, count) in sizes.items() if text is not None}
     (beyond,) = _lengths(tool, 1, "tool", least=0.0)
     data = read_bytes(urdf, "a URDF file", limit=MAX_URDF_BYTES)
@@ -70,8 +89,10 @@ def arm(
         raise DataError(NO_ARM(file=urdf, reason=str(error), remedy=error.remedy)) from None
     except MeshError as error:
         raise DataError(NO_ARM(file=urdf, reason=str(error))) from None
-    name = re.sub(r'[^\w.-]', "_", out.stem)
-    source = f"Measured by `scenegen arm` on {urdf.name}, tip {tip}" + (f" and {beyond:g} m beyond it." if beyond else ".")
+    name = re.sub(r"[^\w.-]", "_", out.stem)
+    source = f"Measured by `scenegen arm` on {urdf.name}, tip {tip}" + (
+        f" and {beyond:g} m beyond it." if beyond else "."
+    )
     text = arm_text(name, reach, measured, given, "".join(one if one.isprintable() else "?" for one in source))
     write_whole(out, text.encode())
     for reason in measured.skipped:
@@ -95,7 +116,13 @@ def _lengths(text: str, count: int, name: str, least: float = 0.001) -> tuple[fl
     if len(found) != count or not all(least <= one <= LARGEST_ARM for one in found):
         wanted = "a length" if count == 1 else f"{count} lengths with commas between"
         flag = "--" + ("base-size" if name == "base" else name.replace("_", "-"))
-        raise RequestError(OUT_OF_PLACE(option=flag, rule=f"needs {wanted} from {least:g} to {LARGEST_ARM:g} m, not {text[:40]}", remedy=f"write {flag} {','.join(['4cm'] * count)}"))
+        raise RequestError(
+            OUT_OF_PLACE(
+                option=flag,
+                rule=f"needs {wanted} from {least:g} to {LARGEST_ARM:g} m, not {text[:40]}",
+                remedy=f"write {flag} {','.join(['4cm'] * count)}",
+            )
+        )
     return tuple(found)
 
 

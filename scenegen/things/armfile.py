@@ -62,7 +62,9 @@ def measure_sizes(data: bytes, read_mesh: Read, chain: Chain, reach: Reach, tip:
         """The links that stand still below a link, itself first."""
         found = [start]
         for name in found:
-            found += [_end(one, "child") for one in joints if one.get("type") == "fixed" and _end(one, "parent") == name]
+            found += [
+                _end(one, "child") for one in joints if one.get("type") == "fixed" and _end(one, "parent") == name
+            ]
         return found
 
     try:
@@ -79,7 +81,10 @@ def measure_sizes(data: bytes, read_mesh: Read, chain: Chain, reach: Reach, tip:
         if any(one.get("type") in HINGES and _end(one, "parent") in hand for one in joints):
             skipped.append("the hand: its fingers turn, and only sliding ones are measured")
         return ArmSizes(sizes, floor, tuple(skipped))
-    travel = [numbers_of(one.find("limit"), "upper", 1)[0] - numbers_of(one.find("limit"), "lower", 1, "0")[0] for one in sliding]
+    travel = [
+        numbers_of(one.find("limit"), "upper", 1)[0] - numbers_of(one.find("limit"), "lower", 1, "0")[0]
+        for one in sliding
+    ]
     sizes["opening"] = (sum(travel),)
     try:
         frame = _hand_frame(sliding[0], poses[_end(sliding[0], "child")][1], poses[tip][1], approach)
@@ -158,7 +163,9 @@ def arm_text(name: str, reach: Reach, measured: ArmSizes, given: Mapping[str, tu
     lines += _list("nearest", nearest, "m from the first axis, at these heights")
     lines += _list("farthest", farthest, "")
     low, high = reach.bearing
-    low, high = (-3.1416, 3.1416) if high - low >= math.tau else (math.ceil(low * 1e4) / 1e4, math.floor(high * 1e4) / 1e4)
+    low, high = (
+        (-3.1416, 3.1416) if high - low >= math.tau else (math.ceil(low * 1e4) / 1e4, math.floor(high * 1e4) / 1e4)
+    )
     lines += [f"bearing = [{low}, {high}]  # rad from the base's heading", ""]
 
     def line(key: str, part: str, values: Sequence[float]) -> str:
@@ -167,7 +174,10 @@ def arm_text(name: str, reach: Reach, measured: ArmSizes, given: Mapping[str, tu
         return f"{key} = {shown if len(values) == 1 else f'[{shown}]'}  # {how}"
 
     sizes = {**ASSUMED, **measured.sizes, **given}
-    lines += ["[base]", *(line(key, "base", [size]) for key, size in zip(("width", "depth", "height"), sizes["base"], strict=True))]
+    lines += [
+        "[base]",
+        *(line(key, "base", [size]) for key, size in zip(("width", "depth", "height"), sizes["base"], strict=True)),
+    ]
     lines += ["", "[hand]", *(line(part, part, sizes[part]) for part in ASSUMED if part != "base")]
     return "\n".join(lines) + "\n"
 

@@ -53,12 +53,16 @@ class PostureSearch:
 
     def __init__(self, chain: Chain, approach: Floats, beyond: float) -> None:
         if len(chain.hinges) < 4:
-            raise ChainError("fewer than four joints move the hand", "it takes two to move it, one to turn it, and one to turn the arm")
+            raise ChainError(
+                "fewer than four joints move the hand",
+                "it takes two to move it, one to turn it, and one to turn the arm",
+            )
         self.first, *self.inner, self.last = chain.hinges
         upright = float((self.first.frame.turn @ self.first.axis)[2])
         if abs(abs(upright) - 1.0) > VERTICAL:
             raise ChainError(
-                f"its first joint, `{self.first.name[:60]}`, does not turn about the vertical", "name the link that stands on the table with <base>"
+                f"its first joint, `{self.first.name[:60]}`, does not turn about the vertical",
+                "name the link that stands on the table with <base>",
             )
         ahead = chain.tip.turn @ approach
         along = float(self.last.axis @ ahead)
@@ -98,7 +102,9 @@ class PostureSearch:
         at = at + turn @ (self.last.frame.at + self.last.frame.turn @ self._end)
         return Postures(angles, turn @ (self.last.frame.turn @ self._ahead), at, axes, centers)
 
-    def settle(self, angles: Floats, steps: int, heights: Floats | None = None, radii: Floats | None = None) -> Postures:
+    def settle(
+        self, angles: Floats, steps: int, heights: Floats | None = None, radii: Floats | None = None
+    ) -> Postures:
         """Damped Gauss-Newton steps, within the limits, from angles (N, M) to postures that point down, at these heights
         (N,) and radii (N,) where they are given. `holds` says which arrive."""
         now = self.place(np.clip(angles, self.low, self.high))

@@ -195,7 +195,9 @@ class _Grid:
             chosen = rng.integers(LEVELS, size=BATCH)
             now = arm.settle(self._random(BATCH, rng), SETTLING, levels[chosen])
             holds = arm.holds(now, levels[chosen])
-            found.append([_Level.of(height, now, holds & (chosen == number)) for number, height in enumerate(levels.tolist())])
+            found.append(
+                [_Level.of(height, now, holds & (chosen == number)) for number, height in enumerate(levels.tolist())]
+            )
         return [_Level.union(parts) for parts in zip(*found, strict=True)]
 
     def _random(self, count: int, rng: np.random.Generator) -> Floats:
@@ -243,7 +245,10 @@ class _Grid:
         if not starts:
             return
         angles, owner = np.concatenate(starts), np.concatenate(owners)
-        heights, radii = (np.array(column)[owner] for column in zip(*((level.height, radius) for level, radius in places), strict=True))
+        heights, radii = (
+            np.array(column)[owner]
+            for column in zip(*((level.height, radius) for level, radius in places), strict=True)
+        )
         bearings = np.full(len(angles), np.nan)
         for begin in range(0, len(angles), BATCH):
             part = slice(begin, begin + BATCH)

@@ -1,9 +1,8 @@
-"""Inverse kinematics in closed form for hands that point straight down: of the UR5e, and of the SO-101. What they find is
-checked by forward kinematics and the limits of the joints."""
+"""Inverse kinematics in closed form for hands that point straight down: of the UR5e, and of the SO-101. What they find
+is checked by forward kinematics and the limits of the joints."""
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator
 
@@ -83,8 +82,8 @@ def solve_ur(lengths: tuple[float, float, float, float, float, float], turn: Flo
 
 
 def solve_planar(chain: Chain, yaw: float, at: Floats) -> Floats:
-    """Angles (N, 5) of an arm whose second to fourth joint are parallel and level, and whose last turns about the hand's
-    direction, for a tip that points down with this yaw."""
+    """Angles (N, 5) of an arm whose second to fourth joint are parallel and level, and whose last turns about the
+    direction of the hand, for a tip that points down with this yaw."""
     count = len(chain.hinges)
     places, axes = _zero(chain)
     lateral = axes[1]  # the common axis

@@ -1,7 +1,7 @@
 """Shipped arms against inverse kinematics: is what `reachable` says of random poses true?
 
-Poses of a hand that points down, uniform over a cylinder somewhat larger than the ring, with uniform headings. The truth
-is a posture within all limits, found by inverse kinematics and checked by forward kinematics on the arm's description:
+Poses of a hand that points down, uniform over a cylinder somewhat larger than the ring, with uniform headings. The
+truth is a posture within all limits, found by inverse kinematics and checked by forward kinematics on the arm's URDF:
 for this heading or the opposite one, which is the same grasp. Of the Panda: frankik with 721 values of its last joint,
 then ssik for what is still without. Of the UR5e and the SO-101: experiments/arms/closed_form.py.
 
@@ -13,6 +13,7 @@ The Panda needs `pip install frankik ssik`, and its URDF file, which the package
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import time
@@ -20,6 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from experiments.arms import facts
 from experiments.arms.closed_form import down, fits, forward, solve_planar, solve_ur
@@ -47,11 +49,13 @@ def draw_poses(arm: Arm, count: int, seed: int) -> tuple[Floats, Floats]:
     return places, rng.uniform(-math.pi, math.pi, count)
 
 
-def claims(arm: Arm, places: Floats) -> Floats:
+def claims(arm: Arm, places: Floats) -> npt.NDArray[np.bool_]:
     """(N,): what the arm's file says is reached."""
     radii, bearings = np.hypot(places[:, 0], places[:, 1]), np.arctan2(places[:, 1], places[:, 0])
     near, far = (np.interp(places[:, 2], arm.heights, curve) for curve in (arm.nearest, arm.farthest))
-    found = (places[:, 2] >= arm.heights[0]) & (places[:, 2] <= arm.heights[-1]) & (radii >= near) & (radii <= far)
+    found: npt.NDArray[np.bool_] = (
+        (places[:, 2] >= arm.heights[0]) & (places[:, 2] <= arm.heights[-1]) & (radii >= near) & (radii <= far)
+    )
     if not arm.turns_freely:
         found &= (bearings >= arm.bearing[0]) & (bearings <= arm.bearing[1])
     return found
@@ -63,7 +67,7 @@ def border_distances(arm: Arm, places: Floats) -> Floats:
     near, far = (list(zip(curve, arm.heights, strict=True)) for curve in (arm.nearest, arm.farthest))
     corners = np.array([*near, *far[::-1], near[0]])
     best = np.full(len(points), np.inf)
-    for start, end in zip(corners, corners[1:], strict=False):
+    for start, end in itertools.pairwise(corners):
         if start[0] == end[0] == 0.0:
             continue  # the axis itself is no border
         along = end - start
@@ -111,7 +115,7 @@ def closed_form_oracle(name: str) -> tuple[IsReached, tuple[float, float]]:
         ur = read_chain(facts.ur5e().encode(), "link7")
 
         def reaches(place: Floats, yaw: float) -> bool:
-            flange, turn = place + [0.0, 0.0, UR5E_TOOL], down(yaw)
+            flange, turn = place + np.array([0.0, 0.0, UR5E_TOOL]), down(yaw)
             return fits(ur, solve_ur(UR5E_LENGTHS, turn, flange), turn, flange)
 
         return reaches, (0.0, 0.0)

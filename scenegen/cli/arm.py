@@ -58,7 +58,6 @@ def arm(
     from scenegen.scenes.files import check_writable, read_bytes, write_whole
     from scenegen.scenes.formats.registry import check_ending
     from scenegen.things.armfile import arm_text, measure_sizes
-    from scenegen.things.arms import make_arm
     from scenegen.things.chain import ChainError, read_chain
     from scenegen.things.outline import MeshError
     from scenegen.things.reach import measure_reach

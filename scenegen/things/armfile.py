@@ -14,7 +14,7 @@ from scenegen.things.outline import Floats, MeshError, Shadow
 from scenegen.things.reach import Reach
 from scenegen.things.urdf import Element, LinkFrame, MeshFiles, add_shape, elements, links_of, numbers_of, origin_of
 
-THINNING = 0.002  # metres by which the ring of a file may lie within the measured one
+THINNING = 0.002  # metres that the ring of a file may be from the measured one, inwards
 DIGITS = 4  # decimals of a length in a file
 MIN_SIZE = 0.001  # metres: nothing of a base or a hand is smaller
 ASSUMED: Mapping[str, tuple[float, ...]] = {
@@ -28,8 +28,8 @@ ASSUMED: Mapping[str, tuple[float, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class ArmSizes:
-    """In metres, by the names of `ASSUMED`: what the shapes of a URDF file show. `floor` is the height of the plane that
-    the base stands on above the base link's origin, `skipped` why something was not measured."""
+    """In metres, by the names of `ASSUMED`: what the shapes of a URDF file show. `floor` is the height of the plane
+    that the base stands on above the base link's origin, `skipped` why something was not measured."""
 
     sizes: Mapping[str, tuple[float, ...]]
     floor: float
@@ -120,8 +120,8 @@ def _hand_frame(sliding: Element, finger: LinkFrame, tip: LinkFrame, approach: F
 
 
 def thin_ring(reach: Reach) -> tuple[list[float], list[float], list[float]]:
-    """Heights, nearest and farthest of few heights, between which straight lines lie within the ring of all, and nowhere
-    by more than `THINNING`. Lengths are rounded inwards; heights count from the base link's origin."""
+    """Heights, nearest and farthest of few heights, between which straight lines lie within the ring of all, nowhere
+    further in than `THINNING`. Lengths are rounded inwards; heights count from the base link's origin."""
     heights, near, far = (np.array(one) for one in (reach.heights, reach.nearest, reach.farthest))
     inset = np.minimum(THINNING / 2.0, (far - near) / 4.0)
     knot_near, knot_far = np.where(near < 10.0**-DIGITS, 0.0, near + inset), far - inset
@@ -130,11 +130,16 @@ def thin_ring(reach: Reach) -> tuple[list[float], list[float], list[float]]:
         first = chosen[-1]
         last = first + 1
         for end in range(first + 2, len(heights)):
-            share = (heights[first : end + 1] - heights[first]) / (heights[end] - heights[first])
-            inner = knot_near[first] + share * (knot_near[end] - knot_near[first]) - near[first : end + 1]
-            outer = far[first : end + 1] - knot_far[first] - share * (knot_far[end] - knot_far[first])
-            off = np.concatenate([inner[near[first : end + 1] >= 10.0**-DIGITS], outer])
-            if off.min() < 0.0 or off.max() > THINNING:
+            part = slice(first, end + 1)
+            share = (heights[part] - heights[first]) / (heights[end] - heights[first])
+            inner = knot_near[first] + share * (knot_near[end] - knot_near[first]) - near[part]
+            outer = far[part] - knot_far[first] - share * (knot_far[end] - knot_far[first])
+            rises = [(one[end] - one[first]) / (heights[end] - heights[first]) for one in (near, far)]
+            most = [
+                THINNING * math.hypot(1.0, rise) for rise in rises
+            ]  # along the level, of what is so far from the line
+            inner = np.where(near[part] < 10.0**-DIGITS, 0.0, inner)
+            if min(inner.min(), outer.min()) < 0.0 or inner.max() > most[0] or outer.max() > most[1]:
                 break
             last = end
         chosen.append(last)
@@ -153,11 +158,13 @@ def arm_text(name: str, reach: Reach, measured: ArmSizes, given: Mapping[str, tu
     heights = [round(one - measured.floor, DIGITS) for one in heights]
     lines = [
         f"# {source}",
-        f"# The ring holds for all headings, with the hand pointing straight down; it was searched every {1000.0 * reach.step:.1f} mm",
-        f"# at heights {1000.0 * reach.rise:.0f} mm or less apart, within the limits of all joints, without regard to collisions.",
+        f"# The ring holds for all headings, the hand straight down; searched every {1000.0 * reach.step:.1f} mm",
+        f"# at heights {1000.0 * reach.rise:.0f} mm or less apart, within all joints' limits; collisions are not looked at.",
     ]
     if reach.gaps:
-        lines.append(f"# Beyond a gap more is reached at {len(reach.gaps)} heights: it is left out.")
+        low, high = (f"{one - measured.floor:.3f}" for one in (reach.gaps[0], reach.gaps[-1]))
+        some = f"{len(reach.gaps)} of {len(reach.heights)} heights ({low} to {high} m)"
+        lines.append(f"# At {some} more is reached beyond a gap: it is left out.")
     lines.append(f'name = "{name}"')
     lines += _list("heights", heights, "m above the plane that the base stands on")
     lines += _list("nearest", nearest, "m from the first axis, at these heights")

@@ -7,6 +7,7 @@ import tomllib
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import Any
 
 from scenegen.geometry.footprint import Box
@@ -137,7 +138,7 @@ def make_arm(given: Mapping[str, Any]) -> Arm:
     opening, length = (numbers(one, 0, 0.001, hand, "hand.") for one in ("opening", "finger_length"))
     finger, palm = numbers("finger", 2, 0.001, hand, "hand."), numbers("palm", 3, 0.001, hand, "hand.")
     if heights is not None:
-        if not 2 <= len(heights) <= MAX_HEIGHTS or any(a >= b for a, b in zip(heights, heights[1:], strict=False)):
+        if not 2 <= len(heights) <= MAX_HEIGHTS or any(a >= b for a, b in pairwise(heights)):
             wrong.append(f"`heights` must be 2 to {MAX_HEIGHTS:,} numbers, each higher than the one before it")
         elif nearest is not None and farthest is not None:
             if not len(heights) == len(nearest) == len(farthest):

@@ -80,7 +80,7 @@ def read_chain(data: bytes, tip: str, base: str = "") -> Chain:
             continue
         if kind not in HINGES:
             raise ChainError(
-                f"{joint.place}: `{joint.get('name')[:60]}` between base and tip is {kind[:20]}; only joints that turn are understood",
+                f"{joint.place}: `{joint.get('name')[:60]}` between base and tip is {kind[:20]}; it has to turn",
                 "if it is a finger's, name a tip above it, such as the hand's link",
             )
         hinges.append(_hinge(joint, kind, frame))

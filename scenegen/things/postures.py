@@ -11,9 +11,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from scenegen.things.chain import Chain, ChainError, rotations
 from scenegen.things.outline import Floats
+
+Flags = npt.NDArray[np.bool_]
 
 MAX_TILT = 1e-4  # radians off the vertical that count as straight down
 MAX_MISS = 1e-6  # metres off a height or radius that count as there
@@ -24,8 +27,8 @@ VERTICAL = 1e-6  # how far the cosine of the angle between two axes may be from 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Postures:
-    """`angles` (N, M) of the joints between the first, which is at 0, and the last. `at` (N, 3) is the point of the last
-    axis that is nearest to the tip, with the first axis at x = y = 0; `pointing` (N, 3) the direction of the hand;
+    """`angles` (N, M) of the joints between the first, which is at 0, and the last. `at` (N, 3) is the point of the
+    last axis that is nearest to the tip, with the first axis at x = y = 0; `pointing` (N, 3) the direction of the hand;
     `axes` and `centers` (N, M, 3) are those of the joints."""
 
     angles: Floats
@@ -68,12 +71,12 @@ class PostureSearch:
         along = float(self.last.axis @ ahead)
         if abs(abs(along) - 1.0) > VERTICAL:
             raise ChainError(
-                f"its last joint, `{self.last.name[:60]}`, does not turn the hand about the direction in which it points",
+                f"its last joint, `{self.last.name[:60]}`, does not turn the hand about the direction it points in",
                 "name that direction of the tip link with <approach>: x, y, z, -x, -y or -z",
             )
         if self.last.span < math.pi:
             raise ChainError(
-                f"its last joint, `{self.last.name[:60]}`, turns by less than half a turn, so a hand that points down cannot have every heading",
+                f"its last joint, `{self.last.name[:60]}`, turns by less than half a turn: it cannot have all headings",
                 "there is no ring of such an arm",
             )
         tip = chain.tip.at + beyond * ahead
@@ -105,8 +108,8 @@ class PostureSearch:
     def settle(
         self, angles: Floats, steps: int, heights: Floats | None = None, radii: Floats | None = None
     ) -> Postures:
-        """Damped Gauss-Newton steps, within the limits, from angles (N, M) to postures that point down, at these heights
-        (N,) and radii (N,) where they are given. `holds` says which arrive."""
+        """Damped Gauss-Newton steps, within the limits, from angles (N, M) to postures that point down, at these
+        heights (N,) and radii (N,) where they are given. `holds` says which arrive."""
         now = self.place(np.clip(angles, self.low, self.high))
         for _ in range(steps):
             rows, outward = self.slopes(now)
@@ -135,11 +138,11 @@ class PostureSearch:
         outward = now.at[:, None, :2] / np.maximum(now.radii, 1e-9)[:, None, None]
         return rows, (moves[:, :, :2] * outward).sum(axis=2)
 
-    def is_stuck(self, angles: Floats, move: Floats) -> Floats:
+    def is_stuck(self, angles: Floats, move: Floats) -> Flags:
         """(N, M): which joints are at a limit that the move leads beyond."""
         return ((angles <= self.low) & (move < 0.0)) | ((angles >= self.high) & (move > 0.0))
 
-    def holds(self, now: Postures, heights: Floats | None = None, radii: Floats | None = None) -> Floats:
+    def holds(self, now: Postures, heights: Floats | None = None, radii: Floats | None = None) -> Flags:
         """(N,): which point straight down, at these heights and radii. All angles are within their limits."""
         found = (np.hypot(now.pointing[:, 0], now.pointing[:, 1]) <= MAX_TILT) & (now.pointing[:, 2] < 0.0)
         if heights is not None:
@@ -149,8 +152,8 @@ class PostureSearch:
         return found
 
     def follow(self, angles: Floats, heights: Floats, goals: Floats, steps: int) -> Postures:
-        """From postures that hold at these heights, towards the radii of the goals (N,) through others that hold, as far
-        as they lead in so many steps."""
+        """From postures that hold at these heights, towards the radii of the goals (N,) through others that hold, as
+        far as they lead in so many steps."""
         now = self.place(angles)
         size = np.full(len(angles), 0.1)  # radians
         for _ in range(steps):
@@ -168,7 +171,7 @@ class PostureSearch:
         return now
 
 
-def _project(rows: Floats, want: Floats, stuck: Floats) -> Floats:
+def _project(rows: Floats, want: Floats, stuck: Flags) -> Floats:
     """The part (N, M) of a move that changes nothing of what the rows (N, K, M) measure, stuck joints at rest."""
     rows, want = np.where(stuck[:, None, :], 0.0, rows), np.where(stuck, 0.0, want)
     return np.where(stuck, 0.0, want - _least(rows, (rows @ want[:, :, None])[:, :, 0]))

@@ -1,5 +1,5 @@
-"""What an arm reaches from above: between which radii about its first axis, at each height, the tip of a hand that points
-straight down can be, whatever its heading.
+"""What an arm reaches from above: between which radii about its first axis, at each height, the tip of a hand that
+points straight down can be, whatever its heading.
 
 Random postures are brought to point down at the heights of a grid; the innermost and the outermost of each height are
 followed along the set of such postures until it ends; from those near them, all points of a grid of radii between are
@@ -14,13 +14,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from scenegen.things.chain import Chain, ChainError
 from scenegen.things.outline import Floats
-from scenegen.things.postures import Postures, PostureSearch
+from scenegen.things.postures import Flags, Postures, PostureSearch
 
-Flags = npt.NDArray[np.bool_]
 Arc = tuple[float, float]  # of bearings, radians
 
 REACH_SEED = 0
@@ -29,7 +27,7 @@ LEVELS = 60  # heights of the grid
 RADII = 200  # points of the grid over the length of the arm
 SETTLING, NEARING = 14, 6  # steps from a random posture, and from one that is near
 CLIMBERS, CLIMBS = 8, 40  # postures that are followed to either end of a height; steps of each
-NEIGHBOURS = 12, 40, 120  # postures from which a point of the grid is searched: at first; where these were not enough
+NEIGHBOURS = 12, 40, 400  # postures from which a point of the grid is searched: at first; where these were not enough
 STRIDE = 4  # of the nearest postures every so many counts: the ends, to which many were followed, are crowded
 BISECTIONS, BEND = 4, 0.5  # rounds that add heights where the ends of the ring bend by more, in steps of the grid
 HALVINGS = 3  # of the distance from the last point that is reached to the first that is not
@@ -41,9 +39,9 @@ BATCH = 10_000  # postures that are moved at once
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """Radii (m) about the first axis at heights (m) above the base link's origin, ascending, and the bearings (rad) from
-    the base's x-axis at which all of them are reached. `rise` and `step` (m) are the distances of the grid in height
-    and in radius; `axis` is where the first axis stands in the base link's frame (x, y), `gaps` the heights at which
+    """Radii (m) about the first axis at heights (m) above the base link's origin, ascending, and the bearings (rad)
+    from the base's x-axis at which all of them are reached. `rise` and `step` (m) are the distances of the grid in
+    height and radius; `axis` is where the first axis stands in the base link's frame (x, y), `gaps` the heights at which
     more is reached beyond a gap."""
 
     heights: tuple[float, ...]
@@ -59,8 +57,8 @@ class Reach:
 def measure_reach(chain: Chain, approach: Floats, beyond: float = 0.0) -> Reach:
     """The ring of an arm, with the hand as `PostureSearch` takes it.
 
-    Headings count up to half a turn, as those of two fingers do. Of radii that are not connected the widest ring counts;
-    bearings are all, or those within the limits of the first joint: whichever covers more of the table. Raises
+    Headings count up to half a turn, as those of two fingers do. Of radii that are not connected the widest ring
+    counts; bearings are all, or those within the limits of the first joint: whichever covers more of the table. Raises
     ChainError for an arm of another kind, and for one whose hand cannot point down.
     """
     arm = PostureSearch(chain, approach, beyond)
@@ -145,7 +143,9 @@ class _Grid:
 
     def ring(self) -> tuple[Floats, Floats, Flags]:
         """Heights (L,), radii (L, 2), and at which heights two points or more are reached beside the ring."""
-        spans = self._spans(self.arc) + [self.arm.offset, -self.arm.offset]  # reached then whatever the heading
+        spans = self._spans(self.arc) + np.array(
+            [self.arm.offset, -self.arm.offset]
+        )  # reached then whatever the heading
         first, last = _longest(spans[:, 1] - spans[:, 0] > self.step)
         levels, spans = self.levels[first:last], spans[first:last]
         flags = [self._reached(level, self.arc) for level in levels]

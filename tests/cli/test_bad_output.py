@@ -193,7 +193,8 @@ def test_few_processes_or_files(limit, here, assert_one_diagnostic):
 NAMES_PLACES = re.compile("FILE|DIR|URL|SPEC|SCENES|MODEL|SET|PLACE|LOOKS|TASK|TOML|PROBLEM|DOMAIN|OUTCOMES|FIT")
 READ = {  # of all commands; what a command writes is in `WRITTEN`
     *("spec", "specs", "scenes", "sources", "fix_from", "under", "model", "what", "looks", "meshes", "root", "data"),
-    *("against", "problem", "domain", "table", "name", "outcomes", "suite", "places", "world", "policy", "sets", "urdf"),
+    *("against", "problem", "domain", "table", "name", "outcomes", "suite", "places", "world", "policy", "sets"),
+    "urdf",
 }
 
 

@@ -1,5 +1,5 @@
-"""Arms measured from their URDF files: rings worked out on paper, shipped ones against inverse kinematics in closed form,
-and files that have no arm.
+"""Arms measured from their URDF files: rings worked out on paper, shipped ones against inverse kinematics in closed
+form, and files that have no arm.
 """
 
 import math
@@ -25,11 +25,20 @@ def joint(name, number, at, rpy="0 0 0", axis="0 1 0", kind="revolute", limits=(
     )
 
 
-def planar(*, tip="0 0 0.1", pan=(-2.0, 2.0), elbow=(-3.2, 3.2), first="0 0 1", roll=(-3.2, 3.2), slide=False):
+def planar(
+    *,
+    tip="0 0 0.1",
+    pan=(-2.0, 2.0),
+    shoulder=(-3.2, 3.2),
+    elbow=(-3.2, 3.2),
+    first="0 0 1",
+    roll=(-3.2, 3.2),
+    slide=False,
+):
     """Two links of 30 and 25 cm on a shoulder at 20 cm, a wrist, and a hand 10 cm long."""
     joints = [
         joint("pan", 0, "0 0 0.2", axis=first, limits=pan),
-        joint("shoulder", 1, "0 0 0"),
+        joint("shoulder", 1, "0 0 0", limits=shoulder),
         joint("elbow", 2, "0 0 0.3", limits=elbow),
         joint("wrist", 3, "0 0 0.25"),
         joint("roll", 4, "0 0 0", axis="0 0 1", kind="prismatic" if slide else "revolute", limits=roll),
@@ -57,7 +66,7 @@ def exact(height, elbow=math.pi):
 @pytest.mark.parametrize("elbow", [math.pi, 2.0])
 def test_two_links_worked_on_paper(coarse, elbow):
     found = reach.measure_reach(read_chain(planar(elbow=(-elbow, elbow)), "l6"), DOWN)
-    assert found.bearing == (-2.0, 2.0) and found.axis == (0.0, 0.0)
+    assert found.bearing == (-math.pi, math.pi) and found.axis == (0.0, 0.0)  # backwards it leans over its base
     for height, near, far in zip(found.heights, found.nearest, found.farthest, strict=True):
         inner, outer = exact(height, elbow)
         assert inner - 1e-5 <= near <= inner + found.step and outer - found.step <= far <= outer + 1e-5
@@ -67,7 +76,9 @@ def test_two_links_worked_on_paper(coarse, elbow):
 @pytest.mark.long
 def test_a_tip_beside_the_last_axis_narrows_the_ring(coarse):
     """2 cm beside it, all headings are sure between radii 2 cm further in, at bearings that the offset still allows."""
-    found = reach.measure_reach(read_chain(planar(elbow=(-2.0, 2.0), tip="0.02 0 0.1"), "l6"), DOWN)
+    found = reach.measure_reach(
+        read_chain(planar(shoulder=(0.0, 1.6), elbow=(-2.0, 2.0), tip="0.02 0 0.1"), "l6"), DOWN
+    )
     low, high = found.bearing
     assert -2.0 < low == -high < -1.5
     for height, near, far in zip(found.heights, found.nearest, found.farthest, strict=True):

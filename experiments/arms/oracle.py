@@ -33,6 +33,9 @@ BORDER = 0.005  # metres: poses nearer than this to where the answer changes do 
 LAST_JOINTS = 721  # values of the Panda's last joint
 UR5E_LENGTHS = 0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996
 UR5E_TOOL = 0.163  # metres from the flange to between the fingertips
+PANDA_SHOULDER, PANDA_WRIST = 0.333, 0.088  # metres: its height; the last axis from the joint before it
+PANDA_HAND = 0.107 + 0.105  # metres from that joint's height down to between the fingertips
+PANDA_ARM = math.hypot(0.316, 0.0825) + math.hypot(0.384, 0.0825)  # metres from the shoulder to that joint, at most
 SEED = 0
 
 IsReached = Callable[[Floats, float], bool]
@@ -144,8 +147,9 @@ def panda_oracle(chain: Chain) -> IsReached:
     def reaches(place: Floats, yaw: float) -> bool:
         goal = np.eye(4)
         goal[:3, :3], goal[:3, 3] = down(yaw), place
-        if math.hypot(place[0], place[1]) > 1.0:
-            return False
+        wrist = place[2] + PANDA_HAND - PANDA_SHOULDER
+        if math.hypot(max(math.hypot(place[0], place[1]) - PANDA_WRIST, 0.0), wrist) > PANDA_ARM:
+            return False  # whatever the elbow does
         wanted = goal @ to_frankik
         for some in (last[::20], last):
             found = np.concatenate([frankik.ik_full(wanted, None, q7) for q7 in some.tolist()])

@@ -159,7 +159,7 @@ def arm_text(name: str, reach: Reach, measured: ArmSizes, given: Mapping[str, tu
     lines = [
         f"# {source}",
         f"# The ring holds for all headings, the hand straight down; searched every {1000.0 * reach.step:.1f} mm",
-        f"# at heights {1000.0 * reach.rise:.0f} mm or less apart, within all joints' limits; collisions are not looked at.",
+        f"# at heights {1000.0 * reach.rise:.0f} mm or less apart, within all joints' limits; collisions are ignored.",
     ]
     if reach.gaps:
         low, high = (f"{one - measured.floor:.3f}" for one in (reach.gaps[0], reach.gaps[-1]))

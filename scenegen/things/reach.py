@@ -31,7 +31,7 @@ NEIGHBOURS = 12, 40, 400  # postures from which a point of the grid is searched:
 STRIDE = 4  # of the nearest postures every so many counts: the ends, to which many were followed, are crowded
 BISECTIONS, BEND = 4, 0.5  # rounds that add heights where the ends of the ring bend by more, in steps of the grid
 HALVINGS = 3  # of the distance from the last point that is reached to the first that is not
-SLACKS = 0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4  # radians that bearings may stay within the limits of the first joint
+SLACKS = 0.0, 0.01, 0.02, 0.05, 0.08, 0.1, 0.125, 0.15, 0.2, 0.3  # radians that bearings may stay within the limits of the first joint
 TESTED_BEARINGS = 73  # of an arc
 ROUNDING = 1e-9  # radians
 BATCH = 10_000  # postures that are moved at once
@@ -41,8 +41,8 @@ BATCH = 10_000  # postures that are moved at once
 class Reach:
     """Radii (m) about the first axis at heights (m) above the base link's origin, ascending, and the bearings (rad)
     from the base's x-axis at which all of them are reached. `rise` and `step` (m) are the distances of the grid in
-    height and radius; `axis` is where the first axis stands in the base link's frame (x, y), `gaps` the heights at which
-    more is reached beyond a gap."""
+    height and radius; `axis` is where the first axis stands in the base link's frame (x, y), `gaps` the heights at
+    which more is reached beyond a gap."""
 
     heights: tuple[float, ...]
     nearest: tuple[float, ...]

@@ -46,7 +46,7 @@ def arm(
 
     \b
       scenegen arm panda.urdf --tip panda_grasptarget --out my_arm.toml
-      scenegen arm ur5e.urdf --tip tool0 --tool 16cm --opening 85mm --out ur5e.toml
+      scenegen arm ur5e.urdf --tip tool0 --tool 16cm --out ur5e.toml
 
     At each height, the fingertips can be between two radii about the first joint, which has to be upright. They are
     found by forward kinematics within the limits of all joints: in about a minute, and with the same bytes each time.

@@ -162,8 +162,8 @@ def arm_text(name: str, reach: Reach, measured: ArmSizes, given: Mapping[str, tu
         f"# at heights {1000.0 * reach.rise:.0f} mm or less apart, within all joints' limits; collisions are ignored.",
     ]
     if reach.gaps:
-        low, high = (f"{one - measured.floor:.3f}" for one in (reach.gaps[0], reach.gaps[-1]))
-        some = f"{len(reach.gaps)} of {len(reach.heights)} heights ({low} to {high} m)"
+        ends = " to ".join(f"{one - measured.floor:.3f}" for one in (reach.gaps[0], reach.gaps[-1]))
+        some = f"{len(reach.gaps)} of {len(reach.heights)} heights ({ends} m)"
         lines.append(f"# At {some} more is reached beyond a gap: it is left out.")
     lines.append(f'name = "{name}"')
     lines += _list("heights", heights, "m above the plane that the base stands on")

@@ -72,7 +72,7 @@ def measure_sizes(data: bytes, read_mesh: Read, chain: Chain, reach: Reach, tip:
         if (found := extent(rigid(chain.base), base)) is not None:
             low, high = found
             x, y = (2.0 * max(high[axis] - at, at - low[axis]) for axis, at in enumerate(reach.axis))
-            sizes["base"], floor = (y, x, high[2] - low[2]), float(low[2])
+            sizes["base"], floor = (y, x, high[2] - low[2]), round(float(low[2]), DIGITS)
     except MeshError as error:
         skipped.append(f"the base: {error}")
     hand = rigid(chain.last)

@@ -65,14 +65,14 @@ class PostureSearch:
         if abs(abs(upright) - 1.0) > VERTICAL:
             raise ChainError(
                 f"its first joint, `{self.first.name[:60]}`, does not turn about the vertical",
-                "name the link that stands on the table with <base>",
+                "name the link that stands on the table as the base",
             )
         ahead = chain.tip.turn @ approach
         along = float(self.last.axis @ ahead)
         if abs(abs(along) - 1.0) > VERTICAL:
             raise ChainError(
                 f"its last joint, `{self.last.name[:60]}`, does not turn the hand about the direction it points in",
-                "name that direction of the tip link with <approach>: x, y, z, -x, -y or -z",
+                "name that direction of the tip link as the approach: x, y, z, -x, -y or -z",
             )
         if self.last.span < math.pi:
             raise ChainError(

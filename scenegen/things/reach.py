@@ -24,6 +24,7 @@ Arc = tuple[float, float]  # of bearings, radians
 REACH_SEED = 0
 RANDOM_POSTURES = 40_000
 LEVELS = 60  # heights of the grid
+HEIGHT_DIGITS = 4  # decimals of a height in metres: a file has no more
 RADII = 200  # points of the grid over the length of the arm
 SETTLING, NEARING = 14, 6  # steps from a random posture, and from one that is near
 CLIMBERS, CLIMBS = 8, 40  # postures that are followed to either end of a height; steps of each
@@ -31,7 +32,7 @@ NEIGHBOURS = 12, 40, 400  # postures from which a point of the grid is searched:
 STRIDE = 4  # of the nearest postures every so many counts: the ends, to which many were followed, are crowded
 BISECTIONS, BEND = 4, 0.5  # rounds that add heights where the ends of the ring bend by more, in steps of the grid
 HALVINGS = 3  # of the distance from the last point that is reached to the first that is not
-SLACKS = 0.0, 0.01, 0.02, 0.05, 0.08, 0.1, 0.125, 0.15, 0.2, 0.3  # radians that bearings may stay within the limits of the first joint
+SLACKS = 0.0, 0.01, 0.02, 0.05, 0.08, 0.1, 0.125, 0.15, 0.2, 0.3  # radians within the limits of the first joint
 TESTED_BEARINGS = 73  # of an arc
 ROUNDING = 1e-9  # radians
 BATCH = 10_000  # postures that are moved at once
@@ -67,7 +68,7 @@ def measure_reach(chain: Chain, approach: Floats, beyond: float = 0.0) -> Reach:
     if len(heights) < 2:
         raise ChainError(
             "its hand cannot point straight down over a ring about its first joint",
-            "name the direction in which the hand points with <approach>, and look at the limits of the joints",
+            "name the direction in which the hand points as the approach, and look at the limits of the joints",
         )
     nearest, farthest = spans.T.tolist()
     found = heights[gaps].tolist()
@@ -175,7 +176,7 @@ class _Grid:
     def _between(self, low: _Level, high: _Level) -> _Level:
         """The height halfway, with the postures that those of both lead to."""
         angles = np.concatenate([low.angles, high.angles])
-        height = (low.height + high.height) / 2.0
+        height = round((low.height + high.height) / 2.0, HEIGHT_DIGITS)
         heights = np.full(len(angles), height)
         now = self.arm.settle(angles, NEARING, heights)
         return _Level.of(height, now, self.arm.holds(now, heights))
@@ -188,7 +189,7 @@ class _Grid:
         if not len(heights):
             return []
         edge = arm.length / LEVELS
-        levels = np.linspace(heights.min() - edge, heights.max() + edge, LEVELS)
+        levels = np.linspace(heights.min() - edge, heights.max() + edge, LEVELS).round(HEIGHT_DIGITS)
         self.rise = float(levels[1] - levels[0])
         found: list[list[_Level]] = []
         for _ in range(RANDOM_POSTURES // BATCH):

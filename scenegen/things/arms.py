@@ -113,7 +113,7 @@ def make_arm(given: Mapping[str, Any]) -> Arm:
     def numbers(name: str, count: int | None, least: float, table: Mapping[str, Any] = given, prefix: str = "") -> Any:
         """A list of so many numbers between `least` and the largest; with a count of 0 one number."""
         value = table.get(name)
-        items = [value] if count == 0 else value
+        items: Any = [value] if count == 0 else value
         what = "a number" if count == 0 else "a list of numbers" if count is None else f"a list of {count} numbers"
         if table is not given and not table:
             return None

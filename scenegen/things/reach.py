@@ -171,7 +171,8 @@ class _Grid:
             straight = spans[at - 1] + share * (spans[at + 1] - spans[at - 1])
             if np.abs(straight - spans[at]).max() > BEND * self.step:
                 bends |= {at - 1, at}
-        return [(self.levels[at], self.levels[at + 1]) for at in sorted(bends)]
+        least = 4.0 * 10.0**-HEIGHT_DIGITS
+        return [(self.levels[at], self.levels[at + 1]) for at in sorted(bends) if heights[at + 1] - heights[at] > least]
 
     def _between(self, low: _Level, high: _Level) -> _Level:
         """The height halfway, with the postures that those of both lead to."""

@@ -72,9 +72,10 @@ def test_two_links_worked_on_paper(coarse, elbow):
     for height, near, far in ring:
         inner, outer = exact(height, elbow)
         assert inner - 1e-5 <= near and far <= outer + 1e-5
-    for height, near, far in ring[3:-3]:  # where the ring ends, heights next to each other share the narrower radii
-        inner, outer = exact(height, elbow)
-        assert near <= inner + found.step and far >= outer - found.step
+    ends = [exact(height, elbow) for height in found.heights]
+    for number, (_, near, far) in list(enumerate(ring))[1:-1]:  # where ends jump, neighbours share the narrower radii
+        inner, outer = zip(*ends[number - 1 : number + 2], strict=True)
+        assert near <= max(inner) + found.step and far >= min(outer) - found.step
     assert found.heights[0] < -0.35 and found.heights[-1] > 0.55
 
 

@@ -73,6 +73,7 @@ COMMANDS: dict[str, str] = {
     "suite": "scenegen.cli.suite:suite",
     "fit": "scenegen.cli.fit:fit",
     "assets": "scenegen.cli.assets:assets",
+    "arm": "scenegen.cli.arm:arm",
     "data": "scenegen.cli.data:data",
     "dataset": "scenegen.cli.data:dataset",
     "grammar": "scenegen.cli.grammar:grammar",

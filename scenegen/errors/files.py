@@ -221,6 +221,11 @@ NO_MODEL = Kind(
     "no object of the scenes is from a mesh, an asset of an index or a URDF file",
     help='`object mug = mesh("mug.glb")` is; `asset` and `urdf` objects are, too',
 )
+NO_ARM = Kind(
+    "no-arm",
+    "{file} has no arm to measure: {reason}",
+    help=("{remedy}", "a URDF file has the links and joints of a robot; xacro files are expanded first"),
+)
 # scenes and their spec
 OTHER_SPEC = Kind(
     "other-spec",

@@ -334,7 +334,7 @@ def robot_shadow(data: bytes, read_mesh: Read, placed: RobotPlacement | None = N
     shadow, files = Shadow(), MeshFiles(read_mesh, painted=False)
     for link, pose in links_of(elements(data)):
         for shape in link.findall("collision") or link.findall("visual"):
-            _add(shadow, shape, placed.then(pose.then(origin_of(shape))), placed.scale, files)
+            add_shape(shadow, shape, placed.then(pose.then(origin_of(shape))), placed.scale, files)
     if shadow.top < shadow.bottom:
         raise MeshError("no link of it has a shape")
     return shadow
@@ -364,8 +364,8 @@ def footprint_and_height(shadow: Shadow, hint: str = "") -> tuple[Footprint, flo
     return footprint, height
 
 
-def _add(shadow: Shadow, shape: Element, pose: LinkFrame, by: float, files: MeshFiles) -> None:
-    """`by` is what sizes are multiplied with."""
+def add_shape(shadow: Shadow, shape: Element, pose: LinkFrame, by: float, files: MeshFiles) -> None:
+    """Add a <visual> or <collision> in its frame; `by` is what sizes are multiplied with."""
     solid = solid_of(shape)
     match solid.tag:
         case "box":

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 STAGE_OPTIONS = {  # of each action: those that must be given, and the others
     "mat": (("out",), ("paper", "grid")),
     "sheet": ((), ("out", "paper", "grid", "episodes", "reverse")),
+    "check": (("episodes",), ("photo", "corners", "poses", "camera", "ruler", "out", "grid", "reverse")),
 }
 
 
@@ -38,23 +39,34 @@ def lengths(text: str | float) -> float:
 
 
 def stage(
-    action: str = argument("mat or sheet.", "ACTION", autocompletion=choices(*STAGE_OPTIONS)),
+    action: str = argument("mat, sheet or check.", "ACTION", autocompletion=choices(*STAGE_OPTIONS)),
     suite: str = argument("The suite's folder, or the name of a shipped suite.", "SUITE"),
-    out: Path | None = option("mat: .pdf. sheet: .pdf; without it, cards are printed.", "FILE"),
+    out: Path | None = option(
+        "mat: .pdf. sheet: .pdf; without it, cards are printed. check: scenes of what stands there.", "FILE"
+    ),
     paper: str | None = option("mat and sheet: a4, a3, a2, a1, a0 or letter; default: a4.", "SIZE"),
     grid: float | None = option("From line to line; default: 2cm.", "LENGTH", parser=lengths),
-    episodes: str | None = option("sheet: some of them, or one; default: all.", "FIRST:END|N"),
+    episodes: str | None = option("sheet: some of them, or one; default: all. check: which one.", "FIRST:END|N"),
+    photo: Path | None = option("check: a photograph of the mat, objects with their tags on them.", "FILE"),
+    corners: Path | None = option("check: with --photo, a table of pixels of outlines: object, u, v.", "FILE"),
+    poses: Path | None = option("check: a table of poses instead: mug.x, mug.y, mug.theta, ...", "FILE"),
+    camera: Path | None = option("check: what a calibration gave, JSON; default: fitted with the mat.", "FILE"),
+    ruler: float | None = option("check: how long the mat's ruler is by another one.", "LENGTH", parser=lengths),
     reverse: bool = option("The reversed tasks."),
-) -> None:
+) -> int:
     """Set the starts of a suite on a real table: a mat, sheets and cards to print.
 
     \b
       scenegen stage mat tabletop --out mat.pdf --paper a3
       scenegen stage sheet tabletop --episodes 0:10 --out sheets.pdf
       scenegen stage sheet tabletop --episodes 7
+      scenegen stage check tabletop --episodes 7 --photo table.jpg
 
     The mat has a tag at each corner, a grid with names, and a ruler: print it at 100 %. Behind it are the tags of all
     objects, one to be glued onto each. A sheet has the outlines of one start; a card says the same in words.
+
+    `check` says by how much each object is off, phi of what really stands there and its band; where that is not the
+    start's, or something that the spec requires does not hold, it says what to move, and the exit status is 1.
     """
     given = {name: value for name, value in locals().items() if value is not None and value is not False}
     del given["action"], given["suite"]
@@ -68,8 +80,8 @@ def stage(
     for name in needed:
         if name not in given:
             raise RequestError(MISSING_ARGUMENT(argument=name, question=f"see `scenegen stage --help` on {action}"))
-    actions: dict[str, Any] = {"mat": _mat, "sheet": _sheet}
-    actions[action](suite, **given)
+    actions: dict[str, Any] = {"mat": _mat, "sheet": _sheet, "check": _check}
+    return int(actions[action](suite, **given) or 0)
 
 
 def _mat(place: str, out: Path, paper: str = "a4", **given: Any) -> None:
@@ -102,6 +114,39 @@ def _sheet(place: str, out: Path | None = None, paper: str = "a4", grid: float |
         return
     write_whole(out, write_pdf(draw_start(stage, one, paper) for one in starts))
     print_error(f"{len(starts):,} sheets in {out}")
+
+
+def _check(
+    place: str,
+    episodes: str,
+    photo: Path | None = None,
+    corners: Path | None = None,
+    poses: Path | None = None,
+    camera: Path | None = None,
+    ruler: float | None = None,
+    out: Path | None = None,
+    grid: float | None = None,
+    reverse: bool = False,
+) -> int:
+    from scenegen.play.stage.check import check_poses, scene_of
+    from scenegen.play.stage.measure import measure_poses
+    from scenegen.play.stage.stage import Stage
+
+    if (photo is None) == (poses is None):
+        question = "give --photo, a picture of the table, or --poses, a table of places"
+        raise RequestError(MISSING_ARGUMENT(argument="photo", question=question))
+    for name, value in (("corners", corners), ("camera", camera), ("ruler", ruler)):
+        if value is not None and photo is None:
+            raise RequestError(OUT_OF_PLACE(argument=name, rule="goes with --photo", remedy="leave it out"))
+    suite, starts = _starts(place, episodes, reverse)
+    if len(starts) != 1:
+        raise RequestError(OUT_OF_RANGE(argument="episodes", value=episodes, wanted="one number: what is on the table"))
+    stage = Stage.of(suite, *([] if grid is None else [grid]))
+    found = check_poses(starts[0], measure_poses(stage, starts[0], photo, corners, poses, camera, ruler))
+    print("\n".join(found.lines(stage)))
+    if out is not None:
+        print_error(f"what stands there is in {scene_of(found).save(out)}")
+    return 0 if found.ok else 1
 
 
 def _check_paper(out: Path, paper: str) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from scenegen.arrays import Bool
 from scenegen.needs import need
 from scenegen.play.stage.pdf import PAPER_EDGE, PAPERS, Drawing, Stroke, Words
 from scenegen.play.stage.stage import TAG_CELLS, Stage, StageThing, square_corners
@@ -15,13 +16,14 @@ LINE_GREY, LABEL_GREY = 0.75, 0.35
 TAG_ROOM = 0.012  # metres around a tag that is to be cut out
 
 
-def tag_cells(tag: int) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
+def tag_cells(tag: int) -> Bool:
     """(8, 8): which cells of a tag are black, the row at the top first. Raises RequestError without OpenCV."""
     need("cv2", "for tags")
     import cv2
 
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    return np.asarray(cv2.aruco.generateImageMarker(family, tag, TAG_CELLS)) == 0
+    found: Bool = np.asarray(cv2.aruco.generateImageMarker(family, tag, TAG_CELLS)) == 0
+    return found
 
 
 def draw_mat(stage: Stage, name: str, paper: str) -> Drawing:
@@ -30,7 +32,8 @@ def draw_mat(stage: Stage, name: str, paper: str) -> Drawing:
     low, high = (low[0] - stage.edge, low[1] - stage.edge), (high[0] + stage.edge, high[1] + stage.edge)
     parts: list[Stroke | Words] = [*draw_grid(stage), *_ruler(low[0] + stage.tag * 1.5, low[1] + stage.tag / 2.0)]
     for tag, corners in enumerate(stage.tag_corners()):
-        parts += _tag(tag, *corners.mean(axis=0), stage.tag)
+        x, y = corners.mean(axis=0).tolist()
+        parts += _tag(tag, x, y, stage.tag)
     title = f"scenegen stage: mat of {name}, 1:1 (print at 100 %, not fitted to the page)"
     return Drawing(low, high, parts, paper, title)
 

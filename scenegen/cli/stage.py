@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenegen.cli.options import argument, choices, option
+from scenegen.cli.options import argument, choices, metres, option
 from scenegen.cli.output import print_error
 from scenegen.errors import RequestError
 from scenegen.errors.requests import MISSING_ARGUMENT, OUT_OF_PLACE, OUT_OF_RANGE, UNKNOWN_CHOICE
@@ -20,24 +20,6 @@ STAGE_OPTIONS = {  # of each action: those that must be given, and the others
 }
 
 
-def lengths(text: str | float) -> float:
-    """A length as typed: 2cm or 0.02 m, in metres. Raises typer.BadParameter."""
-    import re
-
-    import typer
-
-    from scenegen.geometry.primitives import LENGTH, quantity
-
-    found = re.fullmatch(r"\s*([\d.]+)\s*(mm|cm|m)\s*", str(text))
-    try:
-        value, unit = quantity(*found.groups()) if found else (float(text), LENGTH)
-    except ValueError:
-        unit = None
-    if unit != LENGTH:
-        raise typer.BadParameter(f"'{text}' is no length; write 2cm or 20mm")
-    return value
-
-
 def stage(
     action: str = argument("mat, sheet or check.", "ACTION", autocompletion=choices(*STAGE_OPTIONS)),
     suite: str = argument("The suite's folder, or the name of a shipped suite.", "SUITE"),
@@ -45,13 +27,13 @@ def stage(
         "mat: .pdf. sheet: .pdf; without it, cards are printed. check: scenes of what stands there.", "FILE"
     ),
     paper: str | None = option("mat and sheet: a4, a3, a2, a1, a0 or letter; default: a4.", "SIZE"),
-    grid: float | None = option("From line to line; default: 2cm.", "LENGTH", parser=lengths),
+    grid: float | None = option("From line to line; default: 2cm.", "LENGTH", parser=metres),
     episodes: str | None = option("sheet: some of them, or one; default: all. check: which one.", "FIRST:END|N"),
     photo: Path | None = option("check: a photograph of the mat, objects with their tags on them.", "FILE"),
     corners: Path | None = option("check: with --photo, a table of pixels of outlines: object, u, v.", "FILE"),
     poses: Path | None = option("check: a table of poses instead: mug.x, mug.y, mug.theta, ...", "FILE"),
     camera: Path | None = option("check: what a calibration gave, JSON; default: fitted with the mat.", "FILE"),
-    ruler: float | None = option("check: how long the mat's ruler is by another one.", "LENGTH", parser=lengths),
+    ruler: float | None = option("check: how long the mat's ruler is by another one.", "LENGTH", parser=metres),
     reverse: bool = option("The reversed tasks."),
 ) -> int:
     """Set the starts of a suite on a real table: a mat, sheets and cards to print.

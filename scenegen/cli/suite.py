@@ -6,7 +6,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenegen.cli.many import names_of
-from scenegen.cli.options import WORKERS, argument, choices, find_spec, option, seconds
+from scenegen.cli.options import (
+    WORKERS,
+    argument,
+    choices,
+    errors_of_placing,
+    find_spec,
+    metres,
+    option,
+    radians,
+    seconds,
+)
 from scenegen.cli.output import print_error, print_message, progress_bar, time_left
 from scenegen.errors import RequestError
 from scenegen.errors.requests import ARGUMENT_SYNTAX, MISSING_ARGUMENT, OUT_OF_PLACE, UNKNOWN_CHOICE
@@ -17,7 +27,10 @@ if TYPE_CHECKING:
     from scenegen.sampling.request import Range
 
 SUITE_OPTIONS = {  # of each action: those that must be given, and the others
-    "new": (("out",), ("bands", "log10p", "n", "seed", "success", "start", "timeout", "workers")),
+    "new": (
+        ("out",),
+        ("bands", "log10p", "n", "seed", "success", "start", "tolerance", "grid", "headings", "timeout", "workers"),
+    ),
     "check": ((), ()),
     "run": (
         ("world", "policy", "out"),
@@ -44,6 +57,11 @@ def suite(
     seed: int | None = option("new: the same seed gives the same suite; default: 0.", "N"),
     success: str | None = option("new: the label of success; default: goal, or the only one.", "LABEL"),
     start: str | None = option("new: the label that starts satisfy; default: start, if there is one.", "LABEL"),
+    tolerance: str | None = option(
+        "new: errors of placing in which starts stay in their band, proved.", "LENGTH,ANGLE", parser=errors_of_placing
+    ),
+    grid: float | None = option("new: objects stand on a grid of this step.", "LENGTH", parser=metres),
+    headings: float | None = option("new: headings are multiples of this.", "ANGLE", parser=radians),
     world: str | None = option(
         "run: table, libero, or a function of a task that makes its environment.", "MODULE:NAME|FILE.py:NAME"
     ),
@@ -64,6 +82,7 @@ def suite(
     \b
       scenegen suite new a.spec b.spec --bands 5 -n 50 --out mine/
       scenegen suite new a.spec --bands near=-0.1:0 --bands far=:-0.1 --out mine/
+      scenegen suite new a.spec --bands 2 --tolerance 1.5cm,15deg --grid 2cm --headings 15deg --out hand/
       scenegen suite check tabletop
       scenegen suite run mine/ --world w.py:make --policy p.py:act --out a.jsonl
       scenegen suite run mine/ --world w.py:make --policy q.py:act --out b.jsonl
@@ -95,13 +114,22 @@ def suite(
     actions[action](places, **given)
 
 
-def _new(specs: list[str], out: Path, bands: list[str] | None = None, **given: Any) -> None:
+def _new(
+    specs: list[str],
+    out: Path,
+    bands: list[str] | None = None,
+    tolerance: tuple[float, float] = (0.0, 0.0),
+    grid: float = 0.0,
+    headings: float = 0.0,
+    **given: Any,
+) -> None:
+    from scenegen.play.suites.forgiving import Placing
     from scenegen.play.suites.new import new_suite
     from scenegen.scenes.files import is_stream
 
     paths = [find_spec(Path(one)) for one in specs]
     names = names_of([Path("stdin") if is_stream(path) else path for path in paths])
-    given |= {"timeout": time_left(given.get("timeout", 600.0))}
+    given |= {"timeout": time_left(given.get("timeout", 600.0)), "placing": Placing(tolerance, grid, headings)}
     with progress_bar() as bar:
         task = bar.add_task("tasks", total=None)
 

@@ -35,6 +35,7 @@ MOST_OFF = (
     0.0015  # metres: what corners of the mat's tags may be off, and a thousandth of the mat's size if that is more
 )
 OTHER_SIZE = 0.01  # relative: a mat of another size
+SMALL_PICTURE = 2600  # pixels: where tags are looked for at twice the size, too
 FIT_STEPS, TRIED_STARTS = 60, 2
 SLOPE_STEP = 1e-6  # relative, of differences
 EDGE_REACH = 0.6 / TAG_CELLS  # of a tag's side: how far on both sides of an edge brightness is looked at
@@ -81,9 +82,14 @@ class Photograph:
         settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
         settings.minMarkerPerimeterRate = 0.01
         family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-        corners, ids, _ = cv2.aruco.ArucoDetector(family, settings).detectMarkers(grey)
-        found = {} if ids is None else dict(zip(ids.ravel().tolist(), corners, strict=True))
-        tags = {tag: refine_corners(grey, np.asarray(one[0], dtype=float)) for tag, one in found.items()}
+        detector = cv2.aruco.ArucoDetector(family, settings)
+        corners, ids, _ = detector.detectMarkers(grey)
+        found = {} if ids is None else {int(tag): one[0] for tag, one in zip(ids.ravel(), corners, strict=True)}
+        if max(grey.shape) < SMALL_PICTURE:  # tags of some 20 pixels, which are too small as they are
+            corners, ids, _ = detector.detectMarkers(cv2.resize(grey, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC))
+            twice = zip([] if ids is None else ids.ravel().tolist(), corners, strict=True)
+            found = {tag: one[0] / 2.0 - 0.25 for tag, one in twice} | found
+        tags = {tag: refine_corners(grey, np.asarray(one, dtype=float)) for tag, one in found.items()}
         return Photograph(name, grey, tags, focal)
 
 

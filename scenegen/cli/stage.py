@@ -17,16 +17,21 @@ STAGE_OPTIONS = {  # of each action: those that must be given, and the others
     "mat": (("out",), ("paper", "grid")),
     "sheet": ((), ("out", "paper", "grid", "episodes", "reverse")),
     "check": (("episodes",), ("photo", "corners", "poses", "camera", "ruler", "out", "grid", "reverse")),
+    "overlay": (("episodes", "photo", "out"), ("camera", "reverse")),
+    "order": (("out",), ("episodes", "pairs", "reverse")),
 }
 
 
 def stage(
-    action: str = argument("mat, sheet or check.", "ACTION", autocompletion=choices(*STAGE_OPTIONS)),
+    action: str = argument("mat, sheet, check, overlay or order.", "ACTION", autocompletion=choices(*STAGE_OPTIONS)),
     suite: str = argument("The suite's folder, or the name of a shipped suite.", "SUITE"),
     out: Path | None = option(
-        "mat: .pdf. sheet: .pdf; without it, cards are printed. check: scenes of what stands there.", "FILE"
+        "mat: .pdf. sheet: .pdf; without it, cards are printed. check: scenes of what stands there. overlay: .png."
+        " order: .csv.",
+        "FILE",
     ),
     paper: str | None = option("mat and sheet: a4, a3, a2, a1, a0 or letter; default: a4.", "SIZE"),
+    pairs: bool = option("order: each start twice in succession, for two policies whose letters are drawn by lot."),
     grid: float | None = option("From line to line; default: 2cm.", "LENGTH", parser=metres),
     episodes: str | None = option("sheet: some of them, or one; default: all. check: which one.", "FIRST:END|N"),
     photo: Path | None = option("check: a photograph of the mat, objects with their tags on them.", "FILE"),
@@ -36,19 +41,25 @@ def stage(
     ruler: float | None = option("check: how long the mat's ruler is by another one.", "LENGTH", parser=metres),
     reverse: bool = option("The reversed tasks."),
 ) -> int:
-    """Set the starts of a suite on a real table: a mat, sheets and cards to print.
+    """Set the starts of a suite on a real table: print a mat and sheets, check what stands there.
 
     \b
       scenegen stage mat tabletop --out mat.pdf --paper a3
       scenegen stage sheet tabletop --episodes 0:10 --out sheets.pdf
       scenegen stage sheet tabletop --episodes 7
       scenegen stage check tabletop --episodes 7 --photo table.jpg
+      scenegen stage overlay tabletop --episodes 7 --photo table.jpg --out where.png
+      scenegen stage order tabletop --episodes 0:100 --pairs --out order.csv
 
     The mat has a tag at each corner, a grid with names, and a ruler: print it at 100 %. Behind it are the tags of all
     objects, one to be glued onto each. A sheet has the outlines of one start; a card says the same in words.
 
     `check` says by how much each object is off, phi of what really stands there and its band; where that is not the
     start's, or something that the spec requires does not hold, it says what to move, and the exit status is 1.
+
+    `overlay` draws the outlines into a picture. `order` writes an order in which things move little from one start to
+    the next, for `scenegen suite run --order`; with --pairs each start twice, for two policies by letters A and B,
+    and a second file that says whose turn is when.
     """
     given = {name: value for name, value in locals().items() if value is not None and value is not False}
     del given["action"], given["suite"]
@@ -62,7 +73,7 @@ def stage(
     for name in needed:
         if name not in given:
             raise RequestError(MISSING_ARGUMENT(argument=name, question=f"see `scenegen stage --help` on {action}"))
-    actions: dict[str, Any] = {"mat": _mat, "sheet": _sheet, "check": _check}
+    actions: dict[str, Any] = {"mat": _mat, "sheet": _sheet, "check": _check, "overlay": _overlay, "order": _order}
     return int(actions[action](suite, **given) or 0)
 
 
@@ -120,15 +131,61 @@ def _check(
     for name, value in (("corners", corners), ("camera", camera), ("ruler", ruler)):
         if value is not None and photo is None:
             raise RequestError(OUT_OF_PLACE(argument=name, rule="goes with --photo", remedy="leave it out"))
-    suite, starts = _starts(place, episodes, reverse)
-    if len(starts) != 1:
-        raise RequestError(OUT_OF_RANGE(argument="episodes", value=episodes, wanted="one number: what is on the table"))
+    suite, start = _one(place, episodes, reverse)
     stage = Stage.of(suite, *([] if grid is None else [grid]))
-    found = check_poses(starts[0], measure_poses(stage, starts[0], photo, corners, poses, camera, ruler))
+    found = check_poses(start, measure_poses(stage, start, photo, corners, poses, camera, ruler))
     print("\n".join(found.lines(stage)))
     if out is not None:
         print_error(f"what stands there is in {scene_of(found).save(out)}")
     return 0 if found.ok else 1
+
+
+def _one(place: str, episodes: str, reverse: bool) -> tuple[Suite, GradedStart]:
+    """A suite and the one start of it that is on the table. Raises RequestError."""
+    suite, starts = _starts(place, episodes, reverse)
+    if len(starts) != 1:
+        raise RequestError(OUT_OF_RANGE(argument="episodes", value=episodes, wanted="one number: what is on the table"))
+    return suite, starts[0]
+
+
+def _overlay(
+    place: str, episodes: str, photo: Path, out: Path, camera: Path | None = None, reverse: bool = False
+) -> None:
+    from scenegen.play.stage.camera import Lens, Photograph, find_camera
+    from scenegen.play.stage.overlay import draw_overlay
+    from scenegen.play.stage.stage import Stage
+    from scenegen.scenes.files import write_whole
+    from scenegen.scenes.formats.registry import check_ending
+
+    check_ending(out, ".png")
+    suite, start = _one(place, episodes, reverse)
+    stage, picture = Stage.of(suite), Photograph.read(photo)
+    seen = find_camera(stage, picture, None if camera is None else Lens.read(camera))
+    write_whole(out, draw_overlay(stage, start, picture, seen))
+    print_error(f"episode {start.number} drawn into {photo}: {out}")
+
+
+def _order(place: str, out: Path, episodes: str | None = None, pairs: bool = False, reverse: bool = False) -> None:
+    from scenegen.play.stage.order import order_starts, travel_of, write_order
+    from scenegen.scenes.files import write_whole
+    from scenegen.scenes.formats.registry import check_ending
+
+    check_ending(out, ".csv")
+    suite, starts = _starts(place, episodes, reverse)
+    key = out.with_name(f"{out.stem}.key.csv")
+    ordered = order_starts(suite, starts)
+    trials, letters = write_order(suite, ordered, pairs)
+    write_whole(out, trials)
+    if pairs:
+        write_whole(key, letters)
+    before, after = (100.0 * travel_of(suite, one) for one in (starts, ordered))
+    print_error(
+        f"{len(starts):,} starts in {out}: things move {after:.0f} cm from one to the next, not {before:.0f} cm"
+    )
+    if pairs:
+        print_error(
+            f"which letter is whose turn is in {key}: for whoever runs the policies, not for who sets and judges"
+        )
 
 
 def _check_paper(out: Path, paper: str) -> None:

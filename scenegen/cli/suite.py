@@ -34,10 +34,24 @@ SUITE_OPTIONS = {  # of each action: those that must be given, and the others
     "check": ((), ()),
     "run": (
         ("world", "policy", "out"),
-        ("bands", "reverse", "instruction", "episodes", "resume", "until", "against", "steps", "timeout", "workers"),
+        (
+            "bands",
+            "reverse",
+            "instruction",
+            "episodes",
+            "order",
+            "resume",
+            "until",
+            "against",
+            "steps",
+            "timeout",
+            "workers",
+        ),
     ),
     "report": (("out",), ("pictures", "workers")),
 }
+
+HAND_SECONDS = 86_400.0  # of an episode that a person sets and judges
 
 
 def suite(
@@ -63,12 +77,15 @@ def suite(
     grid: float | None = option("new: objects stand on a grid of this step.", "LENGTH", parser=metres),
     headings: float | None = option("new: headings are multiples of this.", "ANGLE", parser=radians),
     world: str | None = option(
-        "run: table, libero, or a function of a task that makes its environment.", "MODULE:NAME|FILE.py:NAME"
+        "run: table, libero, hand: (a person; hand:FOLDER looks at pictures), or a function of a task that makes its"
+        " environment.",
+        "MODULE:NAME|FILE.py:NAME",
     ),
     policy: str | None = option("run: what acts.", "MODULE:NAME|FILE.py:NAME|URL"),
     reverse: bool = option("run: the reversed tasks, whose starts are goals."),
     instruction: str | None = option("run: own, or empty: the same starts without a word.", "own|empty"),
     episodes: str | None = option("run: some of them; default: all.", "FIRST:END"),
+    order: Path | None = option("run: episodes as `scenegen stage order` wrote them, in its order.", ".csv"),
     resume: bool = option("run: go on with a file."),
     until: str | None = option("run: stop once one of two policies is shown to be better.", "decided"),
     against: Path | None = option("run: with --until, the outcomes of the other policy.", ".jsonl"),
@@ -171,8 +188,10 @@ def _run(
     reverse: bool = False,
     until: str | None = None,
     against: Path | None = None,
+    order: Path | None = None,
     **given: Any,
 ) -> None:
+    from scenegen.play.suites.loading import HAND
     from scenegen.play.suites.outcomes import RUN_FIELDS, compare_outcomes, differences, read_outcomes
     from scenegen.play.suites.run import run_suite
     from scenegen.play.suites.suite import Suite
@@ -192,8 +211,21 @@ def _run(
     check_ending(out, ".jsonl")
     loaded = Suite.load(places[0], reverse=reverse)
     some = loaded.part(int(first or 0), int(end) if end else None, bands)
+    if order:
+        from scenegen.play.stage.order import read_order
+
+        some = read_order(order, loaded, some)
+        given |= {"in_order": True}
     successes = done = 0
-    with progress_bar() as bar:
+    bar = progress_bar()
+    if given["world"].startswith(HAND):  # a person has the terminal, and takes time
+        bar.disable = True
+        given = {"timeout": HAND_SECONDS, **given}
+        if given.get("workers", 1) > 1:
+            raise RequestError(
+                OUT_OF_PLACE(argument="workers", rule="is for worlds without people", remedy="leave it out")
+            )
+    with bar:
         task = bar.add_task("episodes", total=len(some))
 
         def report_episode(outcome: EpisodeOutcome, count: int, total: int) -> None:

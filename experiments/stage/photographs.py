@@ -21,7 +21,7 @@ from scenegen.arrays import Array
 from scenegen.errors import DataError
 from scenegen.play.stage.camera import Grey, Photograph, find_camera
 from scenegen.play.stage.mat import LABEL_GREY, draw_mat, tag_cells
-from scenegen.play.stage.measure import poses_by_tags
+from scenegen.play.stage.measure import pose_by_tag, poses_by_tags, tops_of
 from scenegen.play.stage.pdf import Stroke, Words
 from scenegen.play.stage.stage import TAG_CELLS, Stage, outline_at
 from scenegen.play.suites.suite import GradedStart, Suite
@@ -225,15 +225,20 @@ def measure_photographs(suite: Suite, n: int, seed: int, rows_file: Path | None)
         picture = render_photograph(stage, start, poses, draw_shot(rng, stage, distance), rng, raster=raster)
         try:
             photo = Photograph.of(picture, "a picture")
-            found = poses_by_tags(stage, start, photo, find_camera(stage, photo))
+            camera = find_camera(stage, photo)
         except DataError as error:
             failed[error.diagnostics[0].text("title")] += len(poses)
             rows += [(distance, np.inf, np.inf)] * len(poses)
             continue
-        turned = np.degrees(np.abs((found - poses)[:, 2] + np.pi) % (2 * np.pi) - np.pi)
-        rows += [
-            (distance, *pair) for pair in zip(1000 * np.hypot(*(found - poses)[:, :2].T), abs(turned), strict=True)
-        ]
+        for which, (pose, height) in enumerate(zip(poses, tops_of(start), strict=True)):
+            thing = stage.thing(start.task.spec.checked, which)
+            if thing.tag not in photo.tags:
+                failed["the tag of an object is not seen"] += 1
+                rows.append((distance, np.inf, np.inf))
+                continue
+            off = pose_by_tag(thing, height, photo, camera)[0] - pose
+            turned = abs((np.degrees(off[2]) + 180.0) % 360.0 - 180.0)
+            rows.append((distance, 1000.0 * np.hypot(*off[:2]), turned))
     each = np.array(rows)
     if rows_file is not None:  # parts of one long run, each with a seed of its own
         before = np.loadtxt(rows_file).reshape(-1, 3) if rows_file.exists() else np.empty((0, 3))

@@ -66,14 +66,17 @@ def poses_by_tags(stage: Stage, start: GradedStart, photo: Photograph, camera: S
     missing = [name for name, one in zip(start.objects, wanted, strict=True) if one not in seen]
     if strangers or missing:
         raise DataError(STAGE_THINGS(file=photo.name, stranger=strangers, missing=missing))
-    found = [
-        _place(camera.place(photo.tags[one.tag], height), square_corners(one.side))
-        for one, height in zip(wanted, _tops(start), strict=True)
-    ]
+    found = [pose_by_tag(one, height, photo, camera) for one, height in zip(wanted, tops_of(start), strict=True)]
     size = float(np.median([size for _, size in found]))
     if abs(size - 1.0) > MOST_PRINT_ERROR:
         raise DataError(STAGE_MAT(file=photo.name, percent=100.0 / size))
     return np.array([pose for pose, _ in found])
+
+
+def pose_by_tag(thing: StageThing, height: float, photo: Photograph, camera: StageCamera) -> tuple[Array, float]:
+    """The pose (3,) of a thing whose tag is seen, at that height in metres, and the size of the tag relative to what it
+    should be."""
+    return _place(camera.place(photo.tags[thing.tag], height), square_corners(thing.side))
 
 
 def check_ruler(file: str, length: float) -> None:
@@ -94,7 +97,7 @@ def poses_by_corners(stage: Stage, start: GradedStart, path: Path, camera: Stage
     if missing or strangers:
         raise DataError(STAGE_THINGS(file=path, stranger=strangers, missing=missing))
     found = []
-    for which, (thing, height) in enumerate(zip(_things_of(stage, start), _tops(start), strict=True)):
+    for which, (thing, height) in enumerate(zip(_things_of(stage, start), tops_of(start), strict=True)):
         name, usual = start.objects[which], start.task.scenes.poses[start.row][which]
         points = camera.place(pixels[[one == name for one in names]], height)
         pose, off = _fit_outline(thing, points, float(usual[THETA]))
@@ -123,7 +126,7 @@ def _things_of(stage: Stage, start: GradedStart) -> list[StageThing]:
     return [stage.thing(start.task.spec.checked, which) for which in range(len(start.objects))]
 
 
-def _tops(start: GradedStart) -> list[float]:
+def tops_of(start: GradedStart) -> list[float]:
     """The height of each object's top above the mat, in metres."""
     shapes = start.task.spec.checked.shapes
     return [float(pose[2]) + shape.height for pose, shape in zip(start.poses, shapes, strict=True)]

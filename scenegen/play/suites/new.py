@@ -53,7 +53,7 @@ BAND_DIGITS = 5  # of ends of bands and of probabilities
 MAX_TASK_BANDS = 64
 COUNTED_DRAWS, MIN_IN_BAND = 1 << 16, 100  # draws of a task's base distribution, and of a band at least
 CURVE_POINTS = 1025  # of the curve that they give
-MIN_CANDIDATES, MAX_CANDIDATES = 256, 1 << 16  # starts drawn at a time, and at most, of which some are of use
+MIN_CANDIDATES, MAX_CANDIDATES, MOST_AT_ONCE = 256, 1 << 16, 1 << 13  # starts drawn at first, in all, and at a time
 HOPELESS_CANDIDATES = 1 << 13  # where none of so many is of use, no more are drawn
 Bands = int | Mapping[str, Range]
 Told = Callable[[JobResult, int, int], None]  # a task that is made, or failed; how many of how many are over
@@ -227,8 +227,8 @@ class _MakeTask:
     def _draw(self, spec: Spec, plan: TaskPlan, name: str, band: Range, rng: np.random.Generator) -> SceneSet:
         """The starts of a band. Raises RequestError where too few can be set as they should be."""
         chosen: list[SceneSet] = []
-        n = self.n if self.placing == EXACT else max(MIN_CANDIDATES, self.n)
-        for drawn in range(n, n + MAX_CANDIDATES, n):
+        n, drawn = (self.n if self.placing == EXACT else max(MIN_CANDIDATES, self.n)), 0
+        while drawn < MAX_CANDIDATES:
             request = SampleRequest(
                 {plan.success: band}, n, seed=int(rng.integers(1 << 53)), spread="base",
                 timeout=self.budget.seconds_left, workers=1,
@@ -237,7 +237,7 @@ class _MakeTask:
             if self.placing == EXACT:
                 return part
             chosen.append(self.placing.keep(spec, part, {plan.success: band.ends}, self.budget))
-            found = join_scenes(chosen)
+            found, drawn, n = join_scenes(chosen), drawn + n, min(2 * n, MOST_AT_ONCE)
             if len(found) >= self.n:
                 return found[: self.n]
             if drawn >= HOPELESS_CANDIDATES and not len(found):

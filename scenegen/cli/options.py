@@ -127,6 +127,32 @@ def seconds(text: str | float) -> float:
         raise typer.BadParameter(f"'{text}' is no time; write seconds, 60, or a unit: 90s, 2min") from None
 
 
+def metres(text: str | float) -> float:
+    """A length as typed: 2cm, 20mm or 0.02. Raises typer.BadParameter."""
+    return _measure(text, r"mm|cm|m", "no length; write 2cm, 20mm or metres: 0.02")
+
+
+def radians(text: str | float) -> float:
+    """An angle as typed: 15deg, or radians. Raises typer.BadParameter."""
+    return _measure(text, r"deg|rad", "no angle; write 15deg, or radians: 0.26")
+
+
+def errors_of_placing(text: str) -> tuple[float, float]:
+    """A length and an angle as typed: 1.5cm,15deg. Raises typer.BadParameter."""
+    length, _, angle = str(text).partition(",")
+    return metres(length), radians(angle or 0.0)
+
+
+def _measure(text: str | float, units: str, wrong: str) -> float:
+    from scenegen.geometry.primitives import quantity
+
+    found = re.fullmatch(rf"\s*(.*?)\s*({units}|)\s*", str(text))
+    try:
+        return quantity(*found.groups())[0] if found else float(text)
+    except ValueError:
+        raise typer.BadParameter(f"'{text}' is {wrong}") from None
+
+
 def spec_names(incomplete: str) -> list[str]:
     """What a shell completes a spec's name to: shipped ones, where no file begins like that (it completes files)."""
     from scenegen.resources import shipped_specs

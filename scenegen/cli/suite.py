@@ -7,7 +7,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenegen.cli.many import names_of
-from scenegen.cli.options import WORKERS, argument, choices, find_spec, option, seconds
+from scenegen.cli.options import (
+    WORKERS,
+    argument,
+    choices,
+    errors_of_placing,
+    find_spec,
+    metres,
+    option,
+    radians,
+    seconds,
+)
 from scenegen.cli.output import print_error, print_message, progress_bar, time_left
 from scenegen.errors import RequestError
 from scenegen.errors.requests import ARGUMENT_SYNTAX, MISSING_ARGUMENT, OUT_OF_PLACE, UNKNOWN_CHOICE
@@ -18,14 +28,31 @@ if TYPE_CHECKING:
     from scenegen.sampling.request import Range
 
 SUITE_OPTIONS = {  # of each action: those that must be given, and the others
-    "new": (("out",), ("bands", "log10p", "n", "seed", "success", "start", "timeout", "workers")),
+    "new": (
+        ("out",),
+        ("bands", "log10p", "n", "seed", "success", "start", "tolerance", "grid", "headings", "timeout", "workers"),
+    ),
     "check": ((), ()),
     "run": (
         ("world", "policy", "out"),
-        ("bands", "reverse", "instruction", "episodes", "resume", "until", "against", "steps", "timeout", "workers"),
+        (
+            "bands",
+            "reverse",
+            "instruction",
+            "episodes",
+            "order",
+            "resume",
+            "until",
+            "against",
+            "steps",
+            "timeout",
+            "workers",
+        ),
     ),
     "report": (("out",), ("pictures", "workers")),
 }
+
+HAND_SECONDS = 86_400.0  # of an episode that a person sets and judges
 
 
 def suite(
@@ -45,13 +72,21 @@ def suite(
     seed: int | None = option("new: the same seed gives the same suite; default: 0.", "N"),
     success: str | None = option("new: the label of success; default: goal, or the only one.", "LABEL"),
     start: str | None = option("new: the label that starts satisfy; default: start, if there is one.", "LABEL"),
+    tolerance: str | None = option(
+        "new: errors of placing in which starts stay in their band, proved.", "LENGTH,ANGLE", parser=errors_of_placing
+    ),
+    grid: float | None = option("new: objects stand on a grid of this step.", "LENGTH", parser=metres),
+    headings: float | None = option("new: headings are multiples of this.", "ANGLE", parser=radians),
     world: str | None = option(
-        "run: table, libero, or a function of a task that makes its environment.", "MODULE:NAME|FILE.py:NAME"
+        "run: table, libero, hand: (a person; hand:FOLDER looks at pictures), or a function of a task that makes its"
+        " environment.",
+        "MODULE:NAME|FILE.py:NAME",
     ),
     policy: str | None = option("run: what acts.", "MODULE:NAME|FILE.py:NAME|URL"),
     reverse: bool = option("run: the reversed tasks, whose starts are goals."),
     instruction: str | None = option("run: own, or empty: the same starts without a word.", "own|empty"),
     episodes: str | None = option("run: some of them; default: all.", "FIRST:END"),
+    order: Path | None = option("run: episodes as `scenegen stage order` wrote them, in its order.", ".csv"),
     resume: bool = option("run: go on with a file."),
     until: str | None = option("run: stop once one of two policies is shown to be better.", "decided"),
     against: Path | None = option("run: with --until, the outcomes of the other policy.", ".jsonl"),
@@ -65,6 +100,7 @@ def suite(
     \b
       scenegen suite new a.spec b.spec --bands 5 -n 50 --out mine/
       scenegen suite new a.spec --bands near=-0.1:0 --bands far=:-0.1 --out mine/
+      scenegen suite new a.spec --bands 2 --tolerance 1.5cm,15deg --grid 2cm --headings 15deg --out hand/
       scenegen suite check tabletop
       scenegen suite run mine/ --world w.py:make --policy p.py:act --out a.jsonl
       scenegen suite run mine/ --world w.py:make --policy q.py:act --out b.jsonl
@@ -96,13 +132,22 @@ def suite(
     actions[action](places, **given)
 
 
-def _new(specs: list[str], out: Path, bands: list[str] | None = None, **given: Any) -> None:
+def _new(
+    specs: list[str],
+    out: Path,
+    bands: list[str] | None = None,
+    tolerance: tuple[float, float] = (0.0, 0.0),
+    grid: float = 0.0,
+    headings: float = 0.0,
+    **given: Any,
+) -> None:
+    from scenegen.play.suites.forgiving import Placing
     from scenegen.play.suites.new import new_suite
     from scenegen.scenes.files import is_stream
 
     paths = [find_spec(Path(one)) for one in specs]
     names = names_of([Path("stdin") if is_stream(path) else path for path in paths])
-    given |= {"timeout": time_left(given.get("timeout", 600.0))}
+    given |= {"timeout": time_left(given.get("timeout", 600.0)), "placing": Placing(tolerance, grid, headings)}
     with progress_bar() as bar:
         task = bar.add_task("tasks", total=None)
 
@@ -144,8 +189,10 @@ def _run(
     reverse: bool = False,
     until: str | None = None,
     against: Path | None = None,
+    order: Path | None = None,
     **given: Any,
 ) -> None:
+    from scenegen.play.suites.loading import HAND
     from scenegen.play.suites.outcomes import RUN_FIELDS, compare_outcomes, differences, read_outcomes
     from scenegen.play.suites.run import run_suite
     from scenegen.play.suites.suite import Suite
@@ -165,9 +212,22 @@ def _run(
     check_ending(out, ".jsonl")
     loaded = Suite.load(places[0], reverse=reverse)
     some = loaded.part(int(first or 0), int(end) if end else None, bands)
+    if order:
+        from scenegen.play.stage.order import read_order
+
+        some = read_order(order, loaded, some)
+        given |= {"in_order": True}
     successes = done = 0
     errors = Counter[str]()
-    with progress_bar() as bar:
+    bar = progress_bar()
+    if given["world"].startswith(HAND):  # a person has the terminal, and takes time
+        bar.disable = True
+        given = {"timeout": HAND_SECONDS, **given}
+        if given.get("workers", 1) > 1:
+            raise RequestError(
+                OUT_OF_PLACE(argument="workers", rule="is for worlds without people", remedy="leave it out")
+            )
+    with bar:
         task = bar.add_task("episodes", total=len(some))
 
         def report_episode(outcome: EpisodeOutcome, count: int, total: int) -> None:

@@ -134,3 +134,48 @@ WORLD_FAILS = Kind(
     "{what} `{name}` {how}: {reason}",
     help="try it by itself; <resume> goes on with the outcomes that there are",
 )
+
+# a suite on a real table
+STAGE_PHOTO = Kind(
+    "stage-photo",
+    (
+        "{file} is no picture: {reason}",
+        "{file} is no calibrated camera{wanted:?}",
+        "{file} shows {count} of the 4 tags of the mat; missing: {missing:list}",
+        "{file} shows no tag of the mat{count:?}",
+    ),
+    help=(
+        "give it a photograph, .jpg or .png{reason:?}",
+        "write {wanted}",
+        "three are needed: take what covers them away, or take the picture from farther away{missing:?}",
+        "all four corners of the mat should be in the picture, in focus and without glare",
+    ),
+)
+STAGE_MAT = Kind(
+    "stage-mat",
+    (
+        "the mat in {file} is that of another suite: its tags are {found} of their sides apart, not {wanted}",
+        "the mat in {file} is not flat: its tags are up to {off:.1f} mm off",
+        "the mat in {file} was printed at {percent:.1f} %",
+    ),
+    help=(
+        "`scenegen stage mat` prints the one of this suite{found:?}",
+        "press it flat, and glue its tiles on something stiff; at most {most:.1f} mm are off in a good picture",
+        "print it again at 100 %, not fitted to the page; its ruler is then 10 cm long",
+    ),
+)
+STAGE_THINGS = Kind(
+    "stage-things",
+    (
+        "{file} shows {stranger:quoted}, which this start does not have[[, and not {missing:quoted}]]",
+        "{file} does not show {missing:quoted}",
+        "`{name}` stands off the table: at {x:.1f} cm, {y:.1f} cm",
+        "the outline of `{name}` does not fit the corners in {file}: it is {off:.1f} mm off",
+    ),
+    help=(
+        "take it away, or see whether tags are mixed up{stranger:?}",
+        "turn its tag to the camera, and take the picture from where nothing covers it{missing:?}",
+        "the mat ends at {table}",
+        "give the corners of its top, three at least, two of a box",
+    ),
+)

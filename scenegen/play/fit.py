@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
@@ -16,8 +17,9 @@ from scenegen.learn.success.features import fingerprint, measure_features
 from scenegen.learn.success.fit import Fit, HeldOut, TaskFit
 from scenegen.learn.success.logistic import Outcomes, fit_logistic, predict_held_out
 from scenegen.learn.success.statistics import base_rate
-from scenegen.play.suites.outcomes import SuiteOutcomes, differences, read_outcomes
+from scenegen.play.suites.outcomes import SceneThatStood, SuiteOutcomes, differences, read_outcomes
 from scenegen.play.suites.suite import Suite, SuiteTask
+from scenegen.pose import span_of
 from scenegen.validation import as_path
 
 MIN_EPISODES = 50  # of a task
@@ -50,13 +52,16 @@ def fit_outcomes(outcomes: Sequence[str | Path], suite: str | Path, *, monotone:
 def _fit_task(suite: Suite, task: SuiteTask, runs: Sequence[SuiteOutcomes], monotone: bool) -> list[TaskFit]:
     """The fit of a task; none of one without episodes."""
     ended: dict[int, list[bool]] = defaultdict(list)  # by start
+    stood: dict[tuple[int, int], SceneThatStood] = {}  # by start and repetition, where that was another scene
     for run in runs:
         for one in run.episodes:
             if one.task == task.name:
+                if one.scene is not None:
+                    stood[one.episode, len(ended[one.episode])] = one.scene
                 ended[one.episode].append(one.success)
     if not ended:
         return []
-    data = outcomes_of(suite, task, ended)
+    data = outcomes_of(suite, task, ended, stood)
     y, which, phi = data.success, data.start, data.values[0]
     if len(y) < MIN_EPISODES:
         rule = f"are too few for a fit: {len(y)} of {task.name}"
@@ -85,11 +90,22 @@ def _fit_task(suite: Suite, task: SuiteTask, runs: Sequence[SuiteOutcomes], mono
     ]  # fmt: skip
 
 
-def outcomes_of(suite: Suite, task: SuiteTask, ended: Mapping[int, Sequence[bool]]) -> Outcomes:
-    """The outcomes at the starts of a task that have `ended`, with what was measured there."""
+def outcomes_of(
+    suite: Suite,
+    task: SuiteTask,
+    ended: Mapping[int, Sequence[bool]],
+    stood: Mapping[tuple[int, int], SceneThatStood] = MappingProxyType({}),
+) -> Outcomes:
+    """The outcomes at the starts of a task that have `ended`, with what was measured there: where an episode says what
+    really `stood` there, by its start and repetition, of that."""
     starts = [suite[number] for number in sorted(ended)]
-    rows = rows_of(task.spec.checked, task.scenes[np.array([one.row for one in starts])])
-    features, values = measure_features(task.spec.checked, task.success, rows)
     which = np.repeat(np.arange(len(starts)), [len(ended[one.number]) for one in starts])
-    success = np.array([one for start in starts for one in ended[start.number]])
-    return Outcomes(features, values[:, which], success, which)
+    rows = rows_of(task.spec.checked, task.scenes[np.array([one.row for one in starts])])[:, which]
+    each = [(start.number, k) for start in starts for k in range(len(ended[start.number]))]
+    for column, episode in enumerate(each):
+        if (scene := stood.get(episode)) is not None:
+            for place, name in enumerate(task.spec.objects):
+                rows[span_of(place), column] = scene.poses[name]
+    features, values = measure_features(task.spec.checked, task.success, rows)
+    success = np.array([ended[number][k] for number, k in each])
+    return Outcomes(features, values, success, which)

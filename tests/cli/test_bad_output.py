@@ -195,6 +195,7 @@ READ = {  # of all commands; what a command writes is in `WRITTEN`
     *("spec", "specs", "scenes", "sources", "fix_from", "under", "model", "what", "looks", "meshes", "root", "data"),
     *("against", "problem", "domain", "table", "name", "outcomes", "suite", "places", "world", "policy", "sets"),
     "urdf",
+    *("photo", "corners", "poses", "camera", "order"),
 }
 
 

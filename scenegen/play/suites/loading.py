@@ -26,13 +26,14 @@ WORLDS = {
     "libero": "scenegen.play.suites.adapters.libero:make",
     "libero-pictures": "scenegen.play.suites.adapters.libero:seeing",
 }
+HAND = "hand:"  # begins the name of a world that a person is, and of what that person starts by hand
 ENTRY_POINT_GROUPS: dict[Role, str] = {"world": "scenegen.worlds", "policy": "scenegen.policies"}
 
 
 def check_name(role: Role, text: str) -> None:
     """Raises RequestError for what names no world or policy, and for a name that two packages have; nothing is
     loaded."""
-    if role == "policy" and text.startswith("http://"):
+    if text.startswith(HAND) or (role == "policy" and text.startswith("http://")):
         return
     where, _, name = text.rpartition(":")
     if where and name.isidentifier():
@@ -47,6 +48,10 @@ def check_name(role: Role, text: str) -> None:
 
 def load_named(role: Role, text: str) -> Any:
     """The world or policy of that name. Raises RequestError for an entry point of no use, and what an import raises."""
+    if text.startswith(HAND):
+        from scenegen.play.stage.hand import load_hand
+
+        return load_hand(role, text.removeprefix(HAND))
     text = WORLDS.get(text, text) if role == "world" else text
     where, _, name = text.rpartition(":")
     if not where:

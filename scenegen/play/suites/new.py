@@ -37,6 +37,7 @@ from scenegen.errors.requests import (
 from scenegen.lang.checker import check_file
 from scenegen.learn.success.files import BLANK_DIGEST
 from scenegen.learn.success.statistics import Z
+from scenegen.play.suites.forgiving import EXACT, Placing, join_scenes
 from scenegen.play.suites.suite import NAME_PATTERN, SUITE_JSON, BandData, SuiteFile, TaskData, overlapping
 from scenegen.sampling.engine.engines import JobResult, run_each
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
@@ -52,6 +53,8 @@ BAND_DIGITS = 5  # of ends of bands and of probabilities
 MAX_TASK_BANDS = 64
 COUNTED_DRAWS, MIN_IN_BAND = 1 << 16, 100  # draws of a task's base distribution, and of a band at least
 CURVE_POINTS = 1025  # of the curve that they give
+MIN_CANDIDATES, MAX_CANDIDATES, MOST_AT_ONCE = 256, 1 << 16, 1 << 13  # starts drawn at first, in all, and at a time
+HOPELESS_CANDIDATES = 1 << 13  # where none of so many is of use, no more are drawn
 Bands = int | Mapping[str, Range]
 Told = Callable[[JobResult, int, int], None]  # a task that is made, or failed; how many of how many are over
 
@@ -83,6 +86,7 @@ def new_suite(
     seed: int = 0,
     success: str | None = None,
     start: str | None = None,
+    placing: Placing = EXACT,
     timeout: float = 600.0,
     workers: int | None = None,
     told: Told = lambda ended, done, count: None,
@@ -92,7 +96,8 @@ def new_suite(
     `bands` is their number, equally probable, or ranges by name: of phi, or with `log10p` of log10 of the share of
     starts that is at least as hard. `success` and `start` are the labels, by default `goal` (or the only one) and
     `start`. The first line of a spec's opening comment is the instruction; with a label of starts and a comment
-    `# reverse: ...` there is a reversed task, too. `timeout` seconds are for all of them. The bytes follow from the
+    `# reverse: ...` there is a reversed task, too. `placing` says how starts are set by hand: on which grid, and which
+    errors they forgive. `timeout` seconds are for all of them. The bytes follow from the
     specs and these arguments, not from `workers`. Raises RequestError, SpecError, DataError and OutputError.
     """
     out = as_path("out", out)
@@ -119,7 +124,7 @@ def new_suite(
     if not log10p:
         plans = [replace(one, bands=count) if one.back else one for one in plans]
     refuse_existing(*(out / file for file in files))
-    job = _MakeTask(log10p, n, seed, Budget(as_seconds("timeout", timeout)))
+    job = _MakeTask(log10p, n, seed, placing, Budget(as_seconds("timeout", timeout)))
     jobs = [(plan.file.removesuffix(".json"), plan) for plan in plans]
     ways: tuple[list[TaskData], list[TaskData]] = ([], [])
     with whole_files(out) as put:
@@ -175,6 +180,7 @@ class _MakeTask:
     log10p: bool
     n: int
     seed: int
+    placing: Placing
     budget: Budget
 
     def __call__(self, plan: TaskPlan) -> tuple[TaskData, bytes]:
@@ -201,11 +207,7 @@ class _MakeTask:
                 wanted = "in {:g}:{:g}, where starts are".format(*curve.ends)
                 raise RequestError(OUT_OF_RANGE(argument="bands", value=f"{name}={low:g}:{high:g}", wanted=wanted))
             rng = np.random.default_rng([self.seed, SUITES_STREAM, int(spec.checked.sha256[:12], 16), len(bands)])
-            request = SampleRequest(
-                {plan.success: Range(low, high)}, self.n, seed=int(rng.integers(1 << 53)), spread="base",
-                timeout=self.budget.seconds_left, workers=1,
-            )  # fmt: skip
-            part = draw_scenes(spec, request)[rng.permutation(self.n)]
+            part = self._draw(spec, plan, name, Range(low, high), rng)
             rare = np.log10(curve.share(part.phi[plan.success]).clip(min=curve.least))
             bands.append(
                 BandData(
@@ -222,11 +224,34 @@ class _MakeTask:
         )  # fmt: skip
         return task, data
 
+    def _draw(self, spec: Spec, plan: TaskPlan, name: str, band: Range, rng: np.random.Generator) -> SceneSet:
+        """The starts of a band. Raises RequestError where too few can be set as they should be."""
+        chosen: list[SceneSet] = []
+        n, drawn = (self.n if self.placing == EXACT else max(MIN_CANDIDATES, self.n)), 0
+        while drawn < MAX_CANDIDATES:
+            request = SampleRequest(
+                {plan.success: band}, n, seed=int(rng.integers(1 << 53)), spread="base",
+                timeout=self.budget.seconds_left, workers=1,
+            )  # fmt: skip
+            part = draw_scenes(spec, request)[rng.permutation(n)]
+            if self.placing == EXACT:
+                return part
+            chosen.append(self.placing.keep(spec, part, {plan.success: band.ends}, self.budget))
+            found, drawn, n = join_scenes(chosen), drawn + n, min(2 * n, MOST_AT_ONCE)
+            if len(found) >= self.n:
+                return found[: self.n]
+            if drawn >= HOPELESS_CANDIDATES and not len(found):
+                break
+        few = f"{len(found)} of {drawn:,} starts of {name} of {plan.name} are of use"
+        wanted = f"less strict, or the bands wider: {few}"
+        raise RequestError(OUT_OF_RANGE(argument=self.placing.argument, value=str(self.placing), wanted=wanted))
+
     def _bytes(self, spec: Spec, parts: Sequence[SceneSet], bands: Sequence[BandData]) -> bytes:
         phi = {label: np.concatenate([part.phi[label] for part in parts]) for label in spec.labels}
         on = [part.on for part in parts if part.on is not None]
         request = RequestData(phi={}, n=self.n * len(bands), spread="base")
         sampler = {"method": "suite", "seed": self.seed, "bands": {one.name: list(one.phi) for one in bands}}
+        sampler |= {} if self.placing == EXACT else {"placing": str(self.placing)}
         header = make_header(spec.checked, sampler, request)
         poses = np.concatenate([part.poses for part in parts])
         scenes = SceneSet(poses, phi, header, on=np.concatenate(on) if on else None, trusted=True)

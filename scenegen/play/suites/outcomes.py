@@ -10,10 +10,11 @@ import contextlib
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from operator import not_
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, FiniteFloat
 from pydantic_core import from_json
 
 from scenegen.errors import DataError, RequestError
@@ -27,8 +28,16 @@ from scenegen.scenes.files import read_bytes
 RUN_FIELDS = ("steps", "timeout", "world", "versions")  # what should not differ between runs that are compared
 
 
+class SceneThatStood(FileModel):
+    """Where the objects of an episode really stood when it began, x, y and theta by name, and phi there."""
+
+    poses: dict[str, tuple[FiniteFloat, FiniteFloat, FiniteFloat]]
+    phi: FiniteFloat
+
+
 class EpisodeOutcome(FileModel, extra="allow"):
-    """Another line: `error` says why an episode counts as a failure that was none of the world's judgement."""
+    """Another line: `error` says why an episode counts as a failure that was none of the world's judgement, `scene`
+    what stood there, where the world says that it was another scene than the start."""
 
     episode: Annotated[int, Field(ge=0)]
     task: str
@@ -36,6 +45,7 @@ class EpisodeOutcome(FileModel, extra="allow"):
     success: bool
     steps: Annotated[int, Field(ge=0)]
     error: str | None = None
+    scene: SceneThatStood | None = Field(default=None, exclude_if=not_)
 
 
 @dataclass(frozen=True, slots=True)

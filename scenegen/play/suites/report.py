@@ -70,7 +70,7 @@ def report_suite(
     played = [(one, suites[one.header.reverse]) for one in read]
     title = f"Suite {suite.name}"
     about = f"{len(suite):,} starts: {len(suite.tasks)} tasks, {suite.n} of each band. Digest {suite.digest}."
-    tables = [*_shares(played), *_differences(read), *_errors(read)]
+    tables = [*_shares(played), *_stood(played), *_differences(read), *_errors(read)]
     if out.suffix == ".md":
         write_whole(out, "\n".join([f"# {title}", "", about, *map(_markdown, tables)]).encode())
         return out
@@ -112,8 +112,18 @@ def _run_text(field: str, value: object) -> str:
 def _shares(played: Sequence[tuple[SuiteOutcomes, Suite]]) -> Iterator[ReportTable]:
     names = tuple(one.name for one, _ in played)
     note = "Success, and its 95 % interval (Wilson)."
+    stood = [[band_that_stood(e, suite) for e in one.episodes] for one, suite in played]
     kinds = dict.fromkeys(band.name for _, suite in played for _, band in suite.cells)
-    rows = [(kind, *(_share([e for e in one.episodes if e.band == kind]) for one, _ in played)) for kind in kinds]
+    rows = [
+        (
+            kind,
+            *(
+                _share([e for e, band in zip(one.episodes, bands, strict=True) if band == kind])
+                for (one, _), bands in zip(played, stood, strict=True)
+            ),
+        )
+        for kind in kinds
+    ]
     rows.append(("every episode", *(_share(one.episodes) for one, _ in played)))
     rows.append(("base distribution", *(_base(one, suite) for one, suite in played)))
     more = " Base distribution: all starts that the tasks allow, each band by its probability, played or not."
@@ -121,6 +131,17 @@ def _shares(played: Sequence[tuple[SuiteOutcomes, Suite]]) -> Iterator[ReportTab
     kinds = dict.fromkeys(task.name for _, suite in played for task in suite.tasks)
     rows = [(kind, *(_share([e for e in one.episodes if e.task == kind]) for one, _ in played)) for kind in kinds]
     yield ReportTable("Success by task", note, ("task", *names), rows)
+
+
+def band_that_stood(one: EpisodeOutcome, suite: Suite) -> str:
+    """The band of an episode: that of phi where objects really stood, if the outcome says it; "" where that is in no
+    band."""
+    if one.scene is None:
+        return one.band
+    phi = one.scene.phi
+    bands = suite[one.episode].task.bands
+    own = [band.name for band in bands if band.name == one.band and band.phi[0] <= phi <= band.phi[1]]
+    return next(iter(own + [band.name for band in bands if band.phi[0] <= phi <= band.phi[1]]), "")
 
 
 def _share(some: Sequence[EpisodeOutcome]) -> str:
@@ -134,8 +155,11 @@ def _base(outcomes: SuiteOutcomes, suite: Suite) -> str:
     """The share of success over all starts that the tasks' specs allow, tasks alike."""
     if not outcomes.episodes:
         return "-"
-    success, cells = outcomes.success, suite.cells
-    each = [[done for number, done in success.items() if number % len(cells) == place] for place in range(len(cells))]
+    cells, each = suite.cells, [list[bool]() for _ in suite.cells]
+    place = {(task.name, band.name): k for k, (task, band) in enumerate(cells)}
+    for one in outcomes.episodes:
+        if band := band_that_stood(one, suite):
+            each[place[one.task, band]].append(one.success)
     weights = [band.probability / len(suite.tasks) for _, band in cells]
     errors = [band.error for _, band in cells]
     return _with_interval(*base_rate([sum(some) for some in each], [len(some) for some in each], weights, errors))
@@ -190,6 +214,26 @@ def _errors(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
         rows += [(one.name, f"{at_once}", "solved at once: the world judges the start a success")] if at_once else []
     note = "Episodes that ended by an error count as failures."
     return [ReportTable("Errors", note, ("", "episodes", "what"), rows)] if rows else []
+
+
+def _stood(played: Sequence[tuple[SuiteOutcomes, Suite]]) -> list[ReportTable]:
+    """What stood there where people set the starts."""
+    rows = []
+    for one, suite in played:
+        some = [(e, e.scene.phi, suite[e.episode]) for e in one.episodes if e.scene is not None]
+        if some:
+            own = sum(band_that_stood(e, suite) == e.band for e, _, _ in some)
+            off = sum(abs(phi - start.phi[start.task.success]) for _, phi, start in some) / len(some)
+            rows.append(
+                (
+                    one.name,
+                    f"{len(some)}",
+                    f"{100 * own / len(some):.1f} % in the band that was asked for",
+                    f"{off:.4f}",
+                )
+            )
+    note = "Starts as they really stood: bands above are those of phi there. What is in no band counts in none."
+    return [ReportTable("Set by hand", note, ("", "episodes", "bands", "phi off by, mean"), rows)] if rows else []
 
 
 def _html(table: ReportTable) -> str:

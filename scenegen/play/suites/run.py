@@ -33,6 +33,7 @@ from scenegen.play.policy_server import decode, encode
 from scenegen.play.suites.loading import check_name, load_named, versions_of
 from scenegen.play.suites.outcomes import (
     EpisodeOutcome,
+    SceneThatStood,
     check_same_run,
     dump_line,
     dump_outcomes,
@@ -60,6 +61,7 @@ def run_suite(
     policy: str,
     instruction: Instruction = "own",
     episodes: Sequence[int] | None = None,
+    in_order: bool = False,
     resume: bool = False,
     steps: int = 1000,
     timeout: float = 600.0,
@@ -72,7 +74,8 @@ def run_suite(
     `world` names a function of a task that returns an environment, `policy` a function of observation and instruction,
     a class, or a function of `env`, that makes one: "module:name" or "file.py:name", or a name such as "table" (see
     loading.py); a policy may also be the URL of a server (scenegen/play/policy_server.py). An episode ends where the
-    environment says so, at success, or after so many steps; `timeout`, in seconds, kills one that hangs. `resume` goes
+    environment says so, at success, or after so many steps; `in_order` they begin as `episodes` has them, and not task
+    by task. `timeout`, in seconds, kills one that hangs. `resume` goes
     on with a file. `against` is the file of outcomes of another policy: of the starts in it as many are run, in an
     order drawn by lot, as show which of the two is better (`PairedDifference.is_decided`). Raises RequestError,
     DataError, OutputError, and ScenegenError where world or policy cannot be had at all.
@@ -87,7 +90,7 @@ def run_suite(
     numbers = list(episodes or range(len(suite)))
     if against is None:
         other = None
-        order = sorted(numbers, key=lambda number: suite.tasks.index(suite[number].task))
+        order = numbers if in_order else sorted(numbers, key=lambda number: suite.tasks.index(suite[number].task))
     else:
         other = _outcomes_to_compare(as_path("against", against), suite, numbers)
         order = shuffle_episodes(suite.digest, other.keys() & numbers)
@@ -216,9 +219,11 @@ def _error_line(error: Exception) -> str:
     return f"{type(error).__name__}: {error}".splitlines()[0][:ERROR_LENGTH]
 
 
-def _outcome(start: GradedStart, success: bool, steps: int, error: str | None = None) -> EpisodeOutcome:
+def _outcome(
+    start: GradedStart, success: bool, steps: int, error: str | None = None, scene: SceneThatStood | None = None
+) -> EpisodeOutcome:
     names = {"task": start.task.name, "band": start.band}
-    return EpisodeOutcome(episode=start.number, **names, success=success, steps=steps, error=error)
+    return EpisodeOutcome(episode=start.number, **names, success=success, steps=steps, error=error, scene=scene)
 
 
 @dataclass(slots=True)
@@ -238,6 +243,7 @@ class Player:
     env: Any = None
     act: Any = None
     steps: int = 0
+    scene: SceneThatStood | None = None
 
     def __call__(self, number: int) -> EpisodeOutcome:
         self.suite = self.suite or Suite.load(self.folder, reverse=self.reverse)
@@ -250,15 +256,16 @@ class Player:
             raise
         except Exception as error:
             self._drop()  # nobody knows what state they are in
-            return _outcome(start, False, self.steps, _error_line(error))
-        return _outcome(start, success, self.steps)
+            return _outcome(start, False, self.steps, _error_line(error), self.scene)
+        return _outcome(start, success, self.steps, scene=self.scene)
 
     def _prepare(self, task: SuiteTask) -> None:
         """Make the task's environment, and a policy for it. Raises ScenegenError."""
         self._drop()
         what, name = "the world", self.world
         try:
-            self.env = load_named("world", self.world)(task)
+            world = load_named("world", self.world)
+            self.env = world(task, self.suite) if "suite" in inspect.signature(world).parameters else world(task)
             what, name = "the policy", self.policy
             self.act = load_policy(self.policy, self.env, self.wait)
         except Exception as error:
@@ -274,8 +281,10 @@ class Player:
         self.task = self.env = self.act = None
 
     def _play(self, start: GradedStart) -> bool:
-        self.steps = 0
+        self.steps, self.scene = 0, None
         observation, info = self.env.reset(seed=start.seed, options={"start": start})
+        if (stood := info.get("scene")) is not None:
+            self.scene = SceneThatStood.model_validate(stood)
         if hasattr(self.act, "reset"):
             self.act.reset(start.seed)
         ended, success = False, as_success(self.world, {"success": None, **info}, "success")

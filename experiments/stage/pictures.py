@@ -1,0 +1,57 @@
+"""The pictures of docs/stage.md, and what the commands say there: a start of the suite `tabletop`, set with one object
+4 cm off, photographed and checked.
+
+    python -m experiments.stage.pictures
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PIL import Image
+
+from experiments.stage.photographs import Shot, draw_shot, mat_raster, render_photograph
+from scenegen.play.stage.camera import Photograph, find_camera
+from scenegen.play.stage.check import check_poses
+from scenegen.play.stage.measure import measure_poses
+from scenegen.play.stage.overlay import draw_overlay
+from scenegen.play.stage.stage import Stage
+from scenegen.play.suites.suite import Suite
+
+FOLDER = Path("docs/images/stage")
+EPISODE, SEED = 7, 11
+WIDE = 900  # pixels
+
+
+def is_in_front(shot: Shot) -> bool:
+    """Whether a camera looks from the viewer's side."""
+    eye = -cv2.Rodrigues(shot.turn)[0].T @ shot.shift
+    return bool(eye[1] < -0.25 and abs(eye[0]) < 0.1 and shot.matrix[0, 0] < 1200.0)
+
+
+def main() -> None:
+    suite = Suite.load("tabletop")
+    stage, start, rng = Stage.of(suite), suite[EPISODE], np.random.default_rng(SEED)
+    raster = mat_raster(stage)
+    poses = start.task.scenes.poses[start.row].copy()
+    poses[0, :2] += (-0.03, -0.03)
+    shots = (draw_shot(rng, stage, 0.75) for _ in range(1000))
+    shot = next(one for one in shots if is_in_front(one))
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    mat = Image.fromarray((255 * raster[0]).astype(np.uint8))
+    mat.resize((WIDE // 2, round(WIDE / 2 * mat.height / mat.width))).save(FOLDER / "mat.png")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "table.png"
+        Image.fromarray(render_photograph(stage, start, poses, shot, rng, raster=raster)).save(path)
+        photo = Photograph.read(path)
+        print("\n".join(check_poses(start, measure_poses(stage, start, photo=path)).lines(stage)))
+        (Path(folder) / "o.png").write_bytes(draw_overlay(stage, start, photo, find_camera(stage, photo)))
+        with Image.open(Path(folder) / "o.png") as drawn:
+            drawn.resize((WIDE, round(WIDE * drawn.height / drawn.width))).save(FOLDER / "overlay.png")
+
+
+if __name__ == "__main__":
+    main()

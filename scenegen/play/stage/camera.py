@@ -1,0 +1,274 @@
+"""Tags in a photograph, and the camera that took it: from the tags of the mat, whose places are known.
+
+A camera that nobody has calibrated is fitted with the mat: its focal length, and the bend k1 of its lens, which stay
+near what cameras have where the tags do not tell (Levenberg 1944, Marquardt 1963, with both as further residuals).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from operator import itemgetter
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import numpy.typing as npt
+
+from scenegen.arrays import Array
+from scenegen.errors import DataError
+from scenegen.errors.worlds import STAGE_MAT, STAGE_PHOTO
+from scenegen.needs import need
+from scenegen.play.stage.stage import MAT_TAGS, TAG_CELLS, Stage
+from scenegen.scenes.files import read_bytes
+
+Grey = npt.NDArray[np.uint8]
+LEAST_TAGS = 3  # of the mat
+FOCAL, FOCAL_SPREAD = 0.8, 0.25  # of the longer side; standard deviation of its logarithm
+EXIF_SPREAD = 0.03  # where the photograph says it
+BEND_SPREAD = 0.1  # of k1
+PIXEL_ERROR = 0.2  # standard deviation of a corner of a tag, pixels
+MOST_OFF = (
+    0.0015  # metres: what corners of the mat's tags may be off, and a thousandth of the mat's size if that is more
+)
+OTHER_SIZE = 0.01  # relative: a mat of another size
+SMALL_PICTURE = 2600  # pixels: where tags are looked for at twice the size, too
+FIT_STEPS, TRIED_STARTS = 60, 2
+SLOPE_STEP = 1e-6  # relative, of differences
+EDGE_REACH = 0.6 / TAG_CELLS  # of a tag's side: how far on both sides of an edge brightness is looked at
+EDGE_ROUNDS, EDGE_STEPS, EDGE_POINTS, EDGE_SHARE = 2, 17, 24, 0.12  # of lines along the edges of a tag
+FOCAL_STARTS = (0.6, 0.9, 1.4, 2.5)  # of the longer side
+EXIF, EXIF_FOCAL = 0x8769, 0xA405  # tags of EXIF: its part for cameras, and the focal length of film of 43.3 mm
+FILM_DIAGONAL = math.hypot(36.0, 24.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Photograph:
+    """Brightness (h, w), the corners (4, 2) of tags by their ids in pixels, and the focal length in pixels if the file
+    says it."""
+
+    name: str
+    grey: Grey
+    tags: Mapping[int, Array]
+    focal: float | None = None
+
+    @staticmethod
+    def read(path: Path) -> Photograph:
+        """Raises DataError for what is no picture, RequestError without OpenCV."""
+        import io
+
+        from PIL import Image, ImageOps, UnidentifiedImageError
+
+        data = read_bytes(path, "a photograph")
+        try:
+            picture = ImageOps.exif_transpose(Image.open(io.BytesIO(data)))
+            film = picture.getexif().get_ifd(EXIF).get(EXIF_FOCAL)
+            grey = np.asarray(picture.convert("L"))
+        except (UnidentifiedImageError, OSError, ValueError, Image.DecompressionBombError) as error:
+            raise DataError(STAGE_PHOTO(file=path, reason=str(error) or type(error).__name__)) from None
+        focal = float(film) / FILM_DIAGONAL * math.hypot(*grey.shape) if film else None
+        return Photograph.of(grey, str(path), focal)
+
+    @staticmethod
+    def of(grey: Grey, name: str, focal: float | None = None) -> Photograph:
+        """A picture (h, w) of a camera."""
+        need("cv2", "for tags")
+        import cv2
+
+        settings = cv2.aruco.DetectorParameters()
+        settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+        settings.minMarkerPerimeterRate = 0.01
+        family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+        detector = cv2.aruco.ArucoDetector(family, settings)
+        corners, ids, _ = detector.detectMarkers(grey)
+        found = {} if ids is None else {int(tag): one[0] for tag, one in zip(ids.ravel(), corners, strict=True)}
+        if max(grey.shape) < SMALL_PICTURE:  # tags of some 20 pixels, which are too small as they are
+            corners, ids, _ = detector.detectMarkers(cv2.resize(grey, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC))
+            twice = zip([] if ids is None else ids.ravel().tolist(), corners, strict=True)
+            found = {tag: one[0] / 2.0 - 0.25 for tag, one in twice} | found
+        tags = {tag: refine_corners(grey, np.asarray(one, dtype=float)) for tag, one in found.items()}
+        return Photograph(name, grey, tags, focal)
+
+
+def refine_corners(grey: Grey, corners: Array) -> Array:
+    """Corners (4, 2) of a tag where the lines along its four edges meet: an edge is where brightness grows most across
+    it, on the average over a cell. Blur does not move edges, but it rounds corners off, and makes small tags
+    smaller."""
+    import cv2
+
+    for _ in range(EDGE_ROUNDS):
+        lines = []
+        for one, other in pairwise((*corners, corners[0])):
+            length = math.dist(one, other)
+            along = (other - one) / length
+            across = np.array([along[1], -along[0]])  # outwards: corners run clockwise in pixels
+            steps = np.linspace(-EDGE_REACH * length, EDGE_REACH * length, EDGE_STEPS)
+            shares = np.linspace(EDGE_SHARE, 1.0 - EDGE_SHARE, EDGE_POINTS) * length
+            places = (one + shares[:, None] * along)[:, None] + steps[:, None] * across
+            u, v = places.astype(np.float32).transpose(2, 0, 1)
+            slopes = np.diff(cv2.remap(grey, u, v, cv2.INTER_LINEAR).astype(float), axis=1).clip(min=0.0)
+            weights = slopes.sum(axis=1)
+            offs = slopes @ ((steps[1:] + steps[:-1]) / 2.0) / np.maximum(weights, 1e-9)
+            slope, off = np.polyfit(shares, offs, 1, w=np.sqrt(weights) + 1e-9)
+            lines.append((one + off * across, along + slope * across))
+        corners = np.array([_meet(lines[k - 1], lines[k]) for k in range(4)])
+    return corners
+
+
+def _meet(line: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
+    """Where two lines meet, each a point and a direction."""
+    share, _ = np.linalg.solve(np.column_stack([line[1], -other[1]]), other[0] - line[0])
+    return np.asarray(line[0] + share * line[1])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StageCamera:
+    """Matrix (3, 3) and distortion (5,) as OpenCV has them; `turn` (3, 3) and `shift` (3,) lead from the frame of the
+    mat to that of the camera."""
+
+    matrix: Array
+    distortion: Array
+    turn: Array
+    shift: Array
+
+    def project(self, points: Array) -> Array:
+        """Pixels (P, 2) of points (P, 3)."""
+        import cv2
+
+        turn, _ = cv2.Rodrigues(self.turn)
+        return np.asarray(cv2.projectPoints(points, turn, self.shift, self.matrix, self.distortion)[0]).reshape(-1, 2)
+
+    def place(self, pixels: Array, height: float) -> Array:
+        """(P, 2): x and y of what is seen at pixels (P, 2), at a height in metres above the mat."""
+        import cv2
+
+        plain = cv2.undistortPoints(pixels.reshape(-1, 1, 2), self.matrix, self.distortion).reshape(-1, 2)
+        rays = np.column_stack([plain, np.ones(len(plain))]) @ self.turn
+        eye = -self.turn.T @ self.shift
+        return np.asarray(eye[:2] + rays[:, :2] * ((height - eye[2]) / rays[:, 2:]))
+
+
+@dataclass(frozen=True, slots=True)
+class Lens:
+    """What is known of a camera before: `matrix` (3, 3) and `distortion` (5,)."""
+
+    matrix: Array
+    distortion: Array
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """A file {"matrix": [[...], ...], "distortion": [...]}, as OpenCV calibrates. Raises DataError."""
+        try:
+            said = json.loads(read_bytes(path, "a camera"))
+            matrix = np.array(said["matrix"], dtype=float).reshape(3, 3)
+            few = np.array(said.get("distortion", []), dtype=float).ravel()[:5]
+        except (ValueError, KeyError, TypeError, AttributeError):
+            wanted = '{"matrix": 3 x 3 numbers, "distortion": up to 5}'
+            raise DataError(STAGE_PHOTO(file=path, wanted=wanted)) from None
+        return cls(matrix, np.concatenate([few, np.zeros(5 - len(few))]))
+
+
+def find_camera(stage: Stage, photo: Photograph, lens: Lens | None = None) -> StageCamera:
+    """The camera of a photograph. Raises DataError where fewer than three tags of the mat are seen, and where they do
+    not lie as on the stage's mat."""
+    seen = [tag for tag in range(MAT_TAGS) if tag in photo.tags]
+    if len(seen) < LEAST_TAGS:
+        missing = [str(tag) for tag in range(MAT_TAGS) if tag not in seen]
+        raise DataError(STAGE_PHOTO(file=photo.name, missing=missing if seen else None, count=len(seen)))
+    fit = _CameraFit(stage.tag_corners()[seen], np.concatenate([photo.tags[tag] for tag in seen]), photo, lens)
+    camera, off, _ = fit.solve()
+    most = max(MOST_OFF, max(stage.size) / 1000.0)
+    if off > most:
+        _, rest, sizes = replace(fit, free=True).solve()
+        if rest <= most and np.abs(sizes - 1.0).max() > OTHER_SIZE:
+            apart = (stage.tag_corners()[2, 0] - stage.tag_corners()[0, 0]) / stage.tag
+            facts = {"found": "{:.1f} x {:.1f}".format(*apart * sizes), "wanted": "{:.1f} x {:.1f}".format(*apart)}
+            raise DataError(STAGE_MAT(file=photo.name, **facts))
+        raise DataError(STAGE_MAT(file=photo.name, off=1000.0 * off, most=1000.0 * most))
+    return camera
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _CameraFit:
+    """Corners (T, 4, 2) of tags of the mat, seen at pixels (4 T, 2). Parameters are turn, shift, log of the focal
+    length and k1; where they are `free`, also logs of by how much the tags' distances along x and y differ."""
+
+    flat: Array
+    pixels: Array
+    photo: Photograph
+    lens: Lens | None
+    free: bool = False
+
+    def solve(self) -> tuple[StageCamera, float, Array]:
+        """The camera, how far off the mat's corners are at most, in metres, and the sizes (2,) of the mat relative to
+        what it should be."""
+        import cv2
+
+        long, (usual, _) = max(self.photo.grey.shape), self.focal
+        starts = []
+        for focal in [usual] if self.lens or self.photo.focal else [share * long for share in FOCAL_STARTS]:
+            start = np.array([0.0] * 6 + [math.log(focal)] + [0.0] * (3 if self.free else 1))
+            guess = self.camera(start)
+            _, turns, shifts, _ = cv2.solvePnPGeneric(
+                self.points(start), self.pixels, guess.matrix, guess.distortion, flags=cv2.SOLVEPNP_IPPE
+            )
+            starts += [
+                np.concatenate([one.ravel(), by.ravel(), start[6:]]) for one, by in zip(turns, shifts, strict=True)
+            ]
+        starts.sort(key=lambda one: float(np.square(self.residuals(one)).sum()))
+        best, _ = min((_least_squares(self.residuals, one) for one in starts[:TRIED_STARTS]), key=itemgetter(1))
+        camera = self.camera(best)
+        off = camera.place(self.pixels, 0.0) - self.points(best)[:, :2]
+        return camera, float(np.hypot(*off.T).max()), np.exp(best[8:])
+
+    @property
+    def focal(self) -> tuple[float, float]:
+        """The focal length that is likely, in pixels, and the standard deviation of its logarithm."""
+        if self.photo.focal:
+            return self.photo.focal, EXIF_SPREAD
+        return FOCAL * max(self.photo.grey.shape), FOCAL_SPREAD
+
+    def points(self, given: Array) -> Array:
+        """(4 T, 3): the corners in the frame of the mat."""
+        centres = self.flat.mean(axis=1, keepdims=True)
+        sizes = np.exp(given[8:]) if self.free else np.ones(2)
+        flat = ((centres - centres.mean(axis=0)) * sizes + centres.mean(axis=0) + self.flat - centres).reshape(-1, 2)
+        return np.column_stack([flat, np.zeros(len(flat))])
+
+    def camera(self, given: Array) -> StageCamera:
+        import cv2
+
+        height, width = self.photo.grey.shape
+        focal = math.exp(given[6])
+        matrix = np.array([[focal, 0.0, (width - 1) / 2.0], [0.0, focal, (height - 1) / 2.0], [0.0, 0.0, 1.0]])
+        lens = self.lens or Lens(matrix, np.array([given[7], 0.0, 0.0, 0.0, 0.0]))
+        return StageCamera(lens.matrix, lens.distortion, np.asarray(cv2.Rodrigues(given[:3])[0]), given[3:6])
+
+    def residuals(self, given: Array) -> Array:
+        """In standard deviations."""
+        usual, spread = self.focal
+        off = (self.camera(given).project(self.points(given)) - self.pixels).ravel() / PIXEL_ERROR
+        return np.concatenate([off, [(given[6] - math.log(usual)) / spread, given[7] / BEND_SPREAD]])
+
+
+def _least_squares(residuals: Callable[[Array], Array], start: Array) -> tuple[Array, float]:
+    """Where the sum of squares is least, near a start, and that sum; slopes by differences."""
+    x, damping = start, 1e-3
+    now = residuals(x)
+    for _ in range(FIT_STEPS):
+        steps = np.diag(SLOPE_STEP * np.maximum(np.abs(x), 1.0))
+        slopes = np.array([(residuals(x + step) - now) / step.max() for step in steps]).T
+        normal = slopes.T @ slopes
+        move = np.linalg.solve(normal + damping * np.diag(normal.diagonal() + 1e-12), -slopes.T @ now)
+        then = residuals(x + move)
+        gain = float(now @ now - then @ then)
+        if gain > 0.0:
+            x, now, damping = x + move, then, max(damping / 10.0, 1e-9)
+        else:
+            damping *= 10.0
+        if damping > 1e9 or 0.0 < gain < 1e-9 * (1.0 + now @ now):
+            break
+    return x, float(now @ now)

@@ -351,9 +351,11 @@ def make_tape(core: Core, lowest: Array, highest: Array, effort: Effort | None =
     loops = _loops(writer, effort)
     nodes = tuple(writer.nodes)
     where = tuple(algebra.where)
-    crowded = {at for at, node in enumerate(nodes) if isinstance(node, Apply) and PRIMITIVES[node.primitive].crowd}
-    for at, node in enumerate(nodes) if crowded else ():
-        if not crowded.isdisjoint(children(node)):
+    crowded: set[int] = set()
+    for at, node in enumerate(nodes):
+        if isinstance(node, Apply) and PRIMITIVES[node.primitive].crowd:
+            crowded.add(at)
+        elif crowded and not crowded.isdisjoint(children(node)):
             crowded.add(at)
     batches = make_batches(nodes)
     return Tape(nodes, where, algebra.rows, writer.differences, writer.affine, loops, batches, frozenset(crowded))

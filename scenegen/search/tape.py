@@ -353,9 +353,9 @@ def make_tape(core: Core, lowest: Array, highest: Array, effort: Effort | None =
     where = tuple(algebra.where)
     crowded: set[int] = set()
     for at, node in enumerate(nodes):
-        if isinstance(node, Apply) and PRIMITIVES[node.primitive].crowd:
-            crowded.add(at)
-        elif crowded and not crowded.isdisjoint(children(node)):
+        if (isinstance(node, Apply) and PRIMITIVES[node.primitive].crowd) or (
+            crowded and not crowded.isdisjoint(children(node))
+        ):
             crowded.add(at)
     batches = make_batches(nodes)
     return Tape(nodes, where, algebra.rows, writer.differences, writer.affine, loops, batches, frozenset(crowded))

@@ -245,8 +245,8 @@ def _same_slopes(values: Sequence[float | None]) -> Sequence[float]:
 
 
 _BODY: tuple[Shape, ...] = ("footprint", "number", "number")
-_SEER: tuple[Shape, ...] = ("number",) * share.CAMERA
 _ONE: tuple[Shape, ...] = ("number",)
+_SEER: tuple[Shape, ...] = _ONE * share.CAMERA
 _TWO: tuple[Shape, ...] = ("number", "number")
 _PLACES: tuple[Shape, ...] = ("place", "place")
 _FOOTPRINTS: tuple[Shape, ...] = ("footprint", "footprint")

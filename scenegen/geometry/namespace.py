@@ -97,13 +97,13 @@ def _numpy_only(condition: Any, function: Callable[..., Any], otherwise: Sequenc
     shape = np.shape(condition)
     places = np.flatnonzero(condition)
 
-    def some(number: Any) -> Any:
+    def take(number: Any) -> Any:
         before = np.shape(number)[: max(0, np.ndim(number) - len(shape))]
         return np.broadcast_to(number, (*before, *shape)).reshape(*before, -1)[..., places]
 
     if not places.size:
         return [np.broadcast_to(other, shape) for other in otherwise]
-    found = function(NUMPY, *(some(one) if np.ndim(one) else one for one in numbers))
+    found = function(NUMPY, *(take(one) if np.ndim(one) else one for one in numbers))
     filled = []
     for value, other in zip(found, otherwise, strict=True):
         flat = np.broadcast_to(other, shape).reshape(-1)

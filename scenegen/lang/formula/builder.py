@@ -8,7 +8,7 @@ from typing import Literal
 
 from scenegen.errors import Span
 from scenegen.geometry import MATH, POINT, PRIMITIVES, Footprint, Primitive
-from scenegen.geometry.primitives import Unit
+from scenegen.geometry.primitives import Unit, argument_kinds
 from scenegen.lang.formula.core import (
     Apply,
     Atom,
@@ -101,7 +101,7 @@ def _spatial(
     """A primitive over places and footprints: two or three coordinates make one argument."""
     pieces: list[str | tuple[int, int]] = [f"{primitive.name}("]
     waiting = list(shapes)
-    kinds: tuple[str, ...] = primitive.kinds(len(shapes))
+    kinds: tuple[str, ...] = argument_kinds(primitive.name, len(shapes))
     at = 0
     for position, kind in enumerate(kinds):
         pieces += [", "] if position else []

@@ -11,6 +11,7 @@ import sys
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
 import scenegen
 from experiments.measure import phi_of
@@ -72,7 +73,7 @@ class Oracle:
         )
         self.data = mujoco.MjData(self.model)
 
-    def verdicts(self) -> Array:
+    def verdicts(self) -> npt.NDArray[np.bool_]:
         """(objects, scenes): whether each can be grasped."""
         return np.array([[self._can(scene, which) for scene in self.poses] for which in range(len(self.shapes))])
 

@@ -74,7 +74,7 @@ def gap(
     metres."""
     dx, dy = bx - ax, by - ay
     if isinstance(a, PlacedBox) and isinstance(b, Circle | Box):
-        return _placed_gap(ns, a, b, dx, dy, ns.turn(a_theta), b_theta)
+        return _offset_box_gap(ns, a, b, dx, dy, ns.turn(a_theta), b_theta)
     if isinstance(a, Circle):
         if isinstance(b, Circle):
             return ns.hypot(dx, dy) - (a.radius + b.radius)
@@ -91,7 +91,7 @@ def gap(
     return ns.where(apart > 0.0, ns.sqrt(ns.minimum(one[1], other[1])), apart)
 
 
-def _placed_gap(ns: Namespace, a: PlacedBox, b: Circle | Box, dx: Any, dy: Any, turn: Turn, b_theta: Any) -> Any:
+def _offset_box_gap(ns: Namespace, a: PlacedBox, b: Circle | Box, dx: Any, dy: Any, turn: Turn, b_theta: Any) -> Any:
     (cos, sin), (x, y), (own_cos, own_sin) = turn, a.offset, a.turn
     dx, dy = dx - (cos * x - sin * y), dy - (sin * x + cos * y)
     cos, sin = cos * own_cos - sin * own_sin, sin * own_cos + cos * own_sin
@@ -132,19 +132,19 @@ def path_gap(ns: Namespace, a: Footprint, ax: Any, ay: Any, a_theta: Any, px: An
     square = u * u + v * v
     some = ns.where(square > 0.0, square, 1.0)  # both ends may be one place
 
-    def from_segment(cx: Any, cy: Any) -> Any:
+    def segment_square(cx: Any, cy: Any) -> Any:
         share = ns.clip(((cx - x) * u + (cy - y) * v) / some, 0.0, 1.0)
         dx, dy = cx - (x + share * u), cy - (y + share * v)
         return dx * dx + dy * dy
 
     if isinstance(a, Circle):
-        return ns.sqrt(from_segment(0.0, 0.0)) - a.radius
+        return ns.sqrt(segment_square(0.0, 0.0)) - a.radius
     outline = a if isinstance(a, Polygon) else Polygon(corners(a))
     apart, nearest = _separation(ns, outline, ends)
     sides = [((cy - y) * u - (cx - x) * v) / ns.sqrt(some) for cx, cy in outline.vertices]
     across = ns.maximum(_fold(ns.minimum, sides), -_fold(ns.maximum, sides))
     apart = ns.where(square > 0.0, ns.maximum(apart, across), apart)
-    nearest = ns.minimum(nearest, _fold(ns.minimum, [from_segment(cx, cy) for cx, cy in outline.vertices]))
+    nearest = ns.minimum(nearest, _fold(ns.minimum, [segment_square(cx, cy) for cx, cy in outline.vertices]))
     return ns.where(apart > 0.0, ns.sqrt(nearest), apart)
 
 

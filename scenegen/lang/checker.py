@@ -185,6 +185,11 @@ def shape_objects(draft: Draft) -> None:
     draft.shapes.extend(looks for _, _, looks in variants.more)
     also = variants.behind(len(scope.objects)) if variants.more else {}
     draft.fixed.update({place: draft.fixed[like] for place, like in also.items() if like in draft.fixed})
+    (left, right), (bottom, top) = draft.space.x, draft.space.y
+    for which, (x, y, _) in draft.fixed.items():  # a robot may stand beside the workspace: its own box reaches there
+        if draft.shapes[which].arm is not None and not (left <= x <= right and bottom <= y <= top):
+            box = (which, (min(x, left), max(x, right)), (min(y, bottom), max(y, top)))
+            draft.space = replace(draft.space, own=(*draft.space.own, box))
     lowering.coerce.footprints = tuple(looks.footprint for looks in draft.shapes)
     lowering.coerce.fixed = draft.fixed
 
@@ -247,17 +252,6 @@ def stand_objects(draft: Draft) -> None:
         with draft.problems:
             draft.standing = standing_on(lowering, lowering.supports, spans)
         draft.space = space
-
-
-def stand_robots(draft: Draft) -> None:
-    """A robot that is held may stand beside the workspace: its own box reaches there."""
-    (left, right), (bottom, top) = draft.space.x, draft.space.y
-    own = []
-    for which, (x, y, _) in draft.fixed.items():
-        if draft.shapes[which].arm is not None and not (left <= x <= right and bottom <= y <= top):
-            own.append((which, (min(x, left), max(x, right)), (min(y, bottom), max(y, top))))
-    if own:
-        draft.space = replace(draft.space, own=(*draft.space.own, *own))
 
 
 def check_constants(draft: Draft) -> None:
@@ -473,7 +467,6 @@ PASSES: tuple[Pass, ...] = (
     refuse,
     place_regions,
     stand_objects,
-    stand_robots,
     check_constants,
     lower_formulas,
     check_uncalled,

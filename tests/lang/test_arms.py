@@ -24,8 +24,8 @@ SPECS = {
     "chosen": "robot arm = panda at (0.5, -0.25, NORTH)\nobject shelfunit at (0.5, 0.8, SOUTH), bottle\n"
     "object can on any of [shelfunit.shelf[1], shelfunit.shelf[2], workspace]\n"
     "task: reachable(can, arm)\nway: handRoom(can, arm, 15 deg, 2 cm) >= 0 & armRoom(bottle, arm, 1 cm) >= 0",
-    "limited": 'robot arm = arm("a", heights = [0, 1], nearest = [0.1, 0.3], farthest = [0.7, 0.9], bearing = [-2, 1.5],'
-    " base = [0.2, 0.2, 0.1], hand = [0.08, 0.02, 0.02, 0.05, 0.2, 0.06, 0.1])\nobject can, lemon\n"
+    "limited": 'robot arm = arm("a", heights = [0, 1], nearest = [0.1, 0.3], farthest = [0.7, 0.9], '
+    "bearing = [-2, 1.5], base = [0.2, 0.2, 0.1], hand = [0.08, 0.02, 0.02, 0.05, 0.2, 0.06, 0.1])\nobject can, lemon\n"
     "task: reachable(can, arm)\nway: graspable(lemon, arm)",
 }
 BOXES = (1.0, 0.1, 1e-3, 0.0)

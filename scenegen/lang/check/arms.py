@@ -66,7 +66,7 @@ def arm_shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Proje
         raise SpecError(UNKNOWN_ARM(path.span(source), name=print_expr(path), known=shipped_arms()))
     try:
         if given:
-            return _base_of(_written_arm(lowering, path.value, given, source), path.value)
+            return _base_of(_inline_arm(lowering, path.value, given, source), path.value)
         return _base_of(read_arm(project.read(path.value.replace("\\", "/"), path.span(source), "an arm")), path.value)
     except ArmError as error:
         problems = (UNUSABLE_ARM(path.span(source), path=path.value, reason=reason) for reason in error.reasons)
@@ -77,7 +77,7 @@ def _base_of(arm: Arm, path: str) -> Shape:
     return Shape("box", arm.base.footprint, arm.base.height, path=path, arm=arm)
 
 
-def _written_arm(lowering: Lowering, name: str, given: Mapping[str, ast.Expr], source: Source) -> Arm:
+def _inline_arm(lowering: Lowering, name: str, given: Mapping[str, ast.Expr], source: Source) -> Arm:
     """The arm whose numbers stand beside the name of its file, as in canonical text."""
     lists: dict[str, list[float]] = {}
     for field, expr in given.items():
@@ -94,7 +94,7 @@ def _written_arm(lowering: Lowering, name: str, given: Mapping[str, ast.Expr], s
     return make_arm({"name": name, **lists, "base": named, "hand": sizes})
 
 
-def written(shape: Shape) -> ast.Call:
+def arm_call(shape: Shape) -> ast.Call:
     """`arm("FILE", ...)` with all that the file says, for canonical text."""
     arm = shape.arm
     assert arm is not None
@@ -187,7 +187,7 @@ def _room_to_reach(
     moving = [base, *([thing.index] if isinstance(thing, ObjectValue) else [])]
     moving += [thing.carrier] if isinstance(thing, SurfaceValue) else []
 
-    def in_case(of_height: Callable[[float], float]) -> int:
+    def case_number(of_height: Callable[[float], float]) -> int:
         def number(supports: Mapping[int, Support]) -> int:
             return builder.const(of_height(_grip(lowering, thing, depth, supports) - height_in(base, supports)))
 
@@ -196,17 +196,17 @@ def _room_to_reach(
             raise lowering.error(TOO_MANY_CASES, node, frame, limit=MOST_CASES)
         return found
 
-    def beyond(height: float) -> float:
+    def overrun(height: float) -> float:
         """How far a height is beyond those that the hand reaches, negative; elsewhere what decides nothing."""
         left = min(height - arm.heights[0], arm.heights[-1] - height)
         return left if left < 0.0 else LARGEST_ARM
 
     radius = builder.apply("dist", (*place, *centre))
     parts = [
-        builder.apply("sub", (radius, in_case(lambda height: arm.reach_at(height)[0]))),
-        builder.apply("sub", (in_case(lambda height: arm.reach_at(height)[1]), radius)),
+        builder.apply("sub", (radius, case_number(lambda height: arm.reach_at(height)[0]))),
+        builder.apply("sub", (case_number(lambda height: arm.reach_at(height)[1]), radius)),
     ]
-    over = in_case(beyond)
+    over = case_number(overrun)
     if builder.value(over) != LARGEST_ARM:
         parts.append(over)
     if not arm.turns_freely:

@@ -29,7 +29,7 @@ from scenegen.errors.language import EMPTY_RANGE
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, convex_hull
 from scenegen.geometry.primitives import ANGLE, BARE
 from scenegen.geometry.workspace import Workspace
-from scenegen.lang.check.arms import arm_shape, written
+from scenegen.lang.check.arms import arm_call, arm_shape
 from scenegen.lang.check.families import (
     MOST_COMBINATIONS,
     WORD,
@@ -434,7 +434,7 @@ def _resolve_declaration(draft: Draft, one: ast.Declaration, counts: Mapping[str
     if name in draft.kinds:
         shape = _category(draft.kinds[name], category_picks(name, draft.kinds[name], one.count is not None, counts))
     elif one.robot and (looks := draft.shapes[draft.places(draft.scope.things[name])[0]]).path:
-        shape = written(looks)
+        shape = arm_call(looks)
     elif isinstance(shape, ast.Call) and shape.function.id in FILE_SHAPES:
         looks = draft.shapes[draft.places(draft.scope.things[name])[0]]
         shape = _call(shape.function.id, ast.Text(looks.path), _outline(looks))

@@ -280,7 +280,7 @@ def collect(
                 continue
             places[name.id] = here
             _declare(scope, one.source, name, node)
-    if not any(isinstance(one.statement, ast.Objects) and not one.statement.are_robots for one in placed):
+    if not any(isinstance(one.statement, ast.Objects) and not one.statement.declarations[0].robot for one in placed):
         scope.inferred = True
         _infer_objects(source, placed, bare, scope)
     return scope, problems

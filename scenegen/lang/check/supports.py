@@ -248,7 +248,7 @@ def support_boxes(
             x, y = ((min(end[axis][0] for end in ends), max(end[axis][1] for end in ends)) for axis in PLACE)
             boxes[one] = x, y
     own = tuple((which, *boxes[which]) for which in standing)
-    return dataclasses.replace(space, own=(*own, *((which, SWITCH, SWITCH) for which in switches)))
+    return dataclasses.replace(space, own=(*space.own, *own, *((which, SWITCH, SWITCH) for which in switches)))
 
 
 def _box(under: Support, space: Workspace, boxes: Mapping[int, Rectangle]) -> Rectangle:

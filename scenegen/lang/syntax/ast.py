@@ -228,10 +228,6 @@ class Objects(Node):
 
     declarations: tuple[Declaration, ...]
 
-    @property
-    def are_robots(self) -> bool:
-        return self.declarations[0].robot
-
 
 @dataclass(frozen=True, slots=True)
 class Region(Node):

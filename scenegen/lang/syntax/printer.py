@@ -265,7 +265,7 @@ def head(statement: ast.Statement) -> Pieces:
                 CLOSE,
             )
         case ast.Objects(declarations):
-            word = "robot" if statement.are_robots else "object"
+            word = "robot" if declarations[0].robot else "object"
             yield from (word, SPACE, FILL, INWARD, *_separate(map(_declaration, declarations)), OUTWARD, CLOSE)
         case ast.Region(name, _, count):
             yield from (

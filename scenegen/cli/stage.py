@@ -48,7 +48,7 @@ def stage(
       scenegen stage sheet tabletop --episodes 0:10 --out sheets.pdf
       scenegen stage sheet tabletop --episodes 7
       scenegen stage check tabletop --episodes 7 --photo table.jpg
-      scenegen stage overlay tabletop --episodes 7 --photo table.jpg --out where.png
+      scenegen stage overlay tabletop --episodes 7 --photo table.jpg --out o.png
       scenegen stage order tabletop --episodes 0:100 --pairs --out order.csv
 
     The mat has a tag at each corner, a grid with names, and a ruler: print it at 100 %. Behind it are the tags of all

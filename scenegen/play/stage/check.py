@@ -196,7 +196,8 @@ def _find_move(start: GradedStart, poses: Array, off: Array) -> StageMove:
     far = max(free, key=lambda one: math.hypot(*off[one, :2]) + outer[one] * abs(off[one, THETA]))
     back = poses.copy()
     back[far] -= off[far]
-    return StageMove(start.objects[far], *(-off[far]).tolist(), float(margins_at(start, back[None])[0][0]))
+    x, y, turn = (-off[far]).tolist()
+    return StageMove(start.objects[far], x, y, turn, float(margins_at(start, back[None])[0][0]))
 
 
 def _moves(start: GradedStart, poses: Array, off: Array, free: list[int]) -> tuple[Array, Array]:

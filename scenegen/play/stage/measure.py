@@ -134,10 +134,9 @@ def tops_of(start: GradedStart) -> list[float]:
 
 def _is_on(stage: Stage, thing: StageThing, photo: Photograph, camera: StageCamera) -> bool:
     """Whether a thing is on the mat, and does not just lie beside it."""
-    x, y = camera.place(photo.tags[thing.tag], thing.shape.height).mean(axis=0)
-    return stage.x[0] - stage.margin < x < stage.x[1] + stage.margin and (
-        stage.y[0] - stage.margin < y < stage.y[1] + stage.margin
-    )
+    place: list[float] = camera.place(photo.tags[thing.tag], thing.shape.height).mean(axis=0).tolist()
+    ends = zip(place, (stage.x, stage.y), strict=True)
+    return all(low - stage.margin < value < high + stage.margin for value, (low, high) in ends)
 
 
 def _place(seen: Array, own: Array) -> tuple[Array, float]:

@@ -69,7 +69,7 @@ def fitting_scale(low: tuple[float, float], high: tuple[float, float], paper: st
     """1, or the 1 over 1.1, 1.2, ... at which a drawing is not larger than a page."""
     size = [high[axis] - low[axis] for axis in (0, 1)]
     ways = [sorted(size), sorted(side - 2.0 * PAPER_EDGE for side in PAPERS[paper])]
-    tenths = [math.ceil(1e4 * one / room - 1e-9) for one, room in zip(*ways, strict=True)]
+    tenths: list[int] = [math.ceil(1e4 * one / room - 1e-9) for one, room in zip(*ways, strict=True)]
     return 10.0 / max(10, *tenths)
 
 

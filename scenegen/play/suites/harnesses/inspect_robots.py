@@ -8,7 +8,8 @@ Non-obvious behaviors:
   `task` and the `digest` of the suite: the embodiment refuses scenes of another suite.
 * The embodiment begins the start that the scene names, whatever was reset before, and uses no seed of the run: with
   several epochs each epoch has the same starts, and the same randomness in them.
-* Success is the world's own judgement; the scorer is `success_at_end`.
+* Success is the world's own judgement; the scorers are `success_at_end` and `episode_length`, which
+  `scenegen suite report SUITE LOG.json` reads.
 * An error of the world ends the whole run, as Inspect Robots has it for every embodiment.
 * An episode that has already ended when it begins ends with its first action, which changes nothing.
 * No control mode is declared, since a suite does not know what the numbers of its world mean: Inspect Robots then says
@@ -42,7 +43,7 @@ def suite_task(suite: str, steps: int = 1000, reverse: bool = False) -> Task:
     numbers = [number for task in loaded.tasks for number in loaded.numbers(task)]
     scenes = [scene_of(loaded, loaded[number]) for number in numbers]
     metadata = {"suite": loaded.name, "digest": loaded.digest, "reverse": reverse}
-    return Task(loaded.name, scenes, "success_at_end", check_steps(steps), metadata=metadata)
+    return Task(loaded.name, scenes, ["success_at_end", "episode_length"], check_steps(steps), metadata=metadata)
 
 
 def scene_of(suite: Suite, start: GradedStart) -> Scene:

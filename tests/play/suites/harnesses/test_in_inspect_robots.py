@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+from scenegen.errors import DataError, ScenegenError
+from scenegen.play.suites.harnesses.results import read_results
+from scenegen.play.suites.report import report_suite
 from scenegen.play.suites.suite import Suite
 
 from . import worlds
@@ -42,19 +45,45 @@ def stopping(robots):
     return Stopping()
 
 
-def test_scenes_are_starts_by_entry_points(robots, stopping, small, tmp_path):
+def test_scenes_are_starts_and_logs_are_outcomes(robots, stopping, small, tmp_path):
+    """By entry points; poses are those of the suite bit for bit."""
     from inspect_robots.registry import resolve
 
-    worlds.BEGUN.clear()
-    task = resolve("task", "scenegen", suite=str(small), steps=20)
-    embodiment = resolve("embodiment", "scenegen", suite=str(small), world=WORLD, steps=20)
-    worlds.BEGUN.clear()
-    (log,) = robots.eval(task, stopping, embodiment, log_dir=str(tmp_path))
     suite = Suite.load(small)
-    import json
-    print(json.dumps(log.to_dict(), indent=1)[:6000])
-    print(list(tmp_path.iterdir()))
-    assert worlds.BEGUN == [(start.number, start.poses.tobytes()) for start in suite]
+    task = resolve("task", "scenegen", suite=str(small), steps=20)
     for start, scene in zip(suite, task.scenes, strict=True):
         assert np.array(scene.metadata["poses"]).tobytes() == start.poses.tobytes()
-        assert (scene.instruction, scene.metadata["band"]) == (start.task.instruction, start.band)
+        assert (scene.id, scene.instruction) == (f"{start.number:04d}", start.task.instruction)
+        assert (scene.metadata["band"], scene.metadata["phi"]) == (start.band, start.phi)
+    embodiment = resolve("embodiment", "scenegen", suite=str(small), world=WORLD, steps=20)
+    for _ in range(2):
+        worlds.begun.clear()
+        (log,) = robots.eval(task, stopping, embodiment, log_dir=str(tmp_path))
+        assert worlds.begun == [(start.number, start.poses.tobytes()) for start in suite]
+    assert log.status == "success"
+
+    file = max(tmp_path.glob("*.json"), key=lambda path: path.stat().st_mtime_ns)
+    read = read_results(file, suite)
+    scores = {scene.scene_metadata["start"]: scene.reduced for scene in log.samples}
+    assert {one.episode: (one.success, one.steps) for one in read.episodes} == {
+        number: (one["success_at_end"] == 1.0, one["episode_length"]) for number, one in scores.items()
+    }
+    assert 0 < sum(one.success for one in read.episodes) < 6
+    assert (read.header.world, read.header.policy, read.header.steps) == (WORLD, "stopping", 20)
+    assert "small" in report_suite(small, [file], tmp_path / "report.md").read_text()
+
+
+def test_reversed_tasks_and_bad_input(robots, stopping, small, tmp_path):
+    from scenegen.play.suites.harnesses.inspect_robots import WorldEmbodiment, suite_task
+
+    back = WorldEmbodiment(str(small), WORLD, reverse=True)
+    worlds.begun.clear()
+    robots.eval(suite_task(str(small), reverse=True), stopping, back, log_dir=str(tmp_path))
+    assert worlds.begun == [(start.number, start.poses.tobytes()) for start in Suite.load(small, reverse=True)]
+    with pytest.raises(DataError, match="start of the suite"):
+        back.reset(suite_task(str(small)).scenes[0])
+    with pytest.raises(DataError):
+        suite_task(str(small / "nothing"))
+    for world, how in (("broken", "no display"), ("blind", "action_space")):
+        with pytest.raises(ScenegenError, match=how):
+            WorldEmbodiment(str(small), f"{worlds.__name__}:{world}")

@@ -4,7 +4,7 @@ policy that stops at random moments."""
 import numpy as np
 from gymnasium.spaces import Box
 
-BEGUN = []  # of every episode in this process: the start's number, and the bytes of the poses that it began with
+begun = []  # of every episode in this process: the start's number, and the bytes of the poses that it began with
 
 
 class Forgetful:
@@ -20,7 +20,7 @@ class Forgetful:
     def reset(self, *, seed, options):
         self.rng = np.random.default_rng(seed)
         self.poses[:] = options["start"].poses
-        BEGUN.append((options["start"].number, self.poses.tobytes()))
+        begun.append((options["start"].number, self.poses.tobytes()))
         return self.seen(), {"success": False}
 
     def seen(self):

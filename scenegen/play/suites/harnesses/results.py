@@ -101,7 +101,7 @@ def read_results(path: Path, suite: Suite) -> SuiteOutcomes:
     Raises DataError."""
     if path.suffix != ".json":
         return read_outcomes(path, suite)
-    data = read_bytes(path, RESULTS)
+    data, run = read_bytes(path, RESULTS), dict[str, Any]()
     try:
         keys = set(json.loads(data))
     except (ValueError, TypeError):

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -32,7 +32,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE
 from scenegen.play.suites.episodes import TaskEpisodes, check_steps
 from scenegen.play.suites.harnesses.observations import action_box, split_observation
-from scenegen.play.suites.suite import SUITE_JSON, Suite, SuiteTask
+from scenegen.play.suites.suite import SUITE_JSON, GradedStart, Suite, SuiteTask
 from scenegen.validation import as_int
 
 VIDEO_RATE = 10  # frames a second of LeRobot's videos
@@ -80,13 +80,13 @@ class SuiteEnv(gymnasium.Env[Observed, npt.NDArray[Any]]):
     """A task of a suite in a world. `reset` begins the start that `options["start"]` names and `first` says how far
     behind, or else the one `stride` after the last; an `info` has the number of the start in its suite."""
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": VIDEO_RATE}
     render_mode = "rgb_array"
 
     def __init__(self, suite: Suite, task: int, world: str, steps: int, first: int = 0, stride: int = 1) -> None:
         self._suite, self._first, self._stride = suite, first, stride
         self._task: SuiteTask = suite.tasks[task]
         self._numbers = suite.numbers(self._task)
+        self.metadata = {"render_modes": ["rgb_array"], "render_fps": VIDEO_RATE, "starts": len(self._numbers)}
         self._turn = first - stride
         self.task, self.task_description, self._max_episode_steps = self._task.name, self._task.instruction, steps
         self._episodes = TaskEpisodes(world, self._task, steps)
@@ -102,8 +102,8 @@ class SuiteEnv(gymnasium.Env[Observed, npt.NDArray[Any]]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observed, Observed]:
         """Begin the next episode. The seed is not used: a start has its own. Raises RequestError for no start."""
         first = (options or {}).get("start")
-        self._turn = self._turn + self._stride if first is None else _check_start(first, self.count) + self._first
-        self._episodes.begin(self._suite[self._numbers[self._turn % self.count]])
+        self._turn = self._turn + self._stride if first is None else self._check(first) + self._first
+        self._episodes.begin(self._start)
         return self._observation(), self._info()
 
     def step(self, action: npt.NDArray[Any]) -> tuple[Observed, float, bool, bool, Observed]:
@@ -122,18 +122,24 @@ class SuiteEnv(gymnasium.Env[Observed, npt.NDArray[Any]]):
         self._episodes.close()
 
     @property
-    def count(self) -> int:
-        """How many starts the task has."""
-        return len(self._numbers)
+    def _start(self) -> GradedStart:
+        return self._suite[self._numbers[self._turn % len(self._numbers)]]
+
+    def _check(self, start: object) -> int:
+        number = as_int("start", start)
+        if not 0 <= number < len(self._numbers):
+            wanted = f"from 0 to {len(self._numbers) - 1}"
+            raise RequestError(OUT_OF_RANGE(argument="start", value=number, wanted=wanted))
+        return number
 
     def _observation(self) -> Observed:
         """By LeRobot's names."""
         found = split_observation(self._episodes.observation)
-        parts = {"pixels": found.pictures, "agent_pos": found.robot, "environment_state": found.surroundings}
+        parts: Observed = {"pixels": found.pictures, "agent_pos": found.robot, "environment_state": found.surroundings}
         return {name: part for name, part in parts.items() if len(part)}
 
     def _info(self) -> Observed:
-        start = self._suite[self._numbers[self._turn % self.count]]
+        start = self._start
         return {
             "is_success": self._episodes.success,
             "start": start.number,
@@ -159,7 +165,7 @@ class _StartsInOrder(VectorEnv[Any, Any, Any]):
             self._seed = first
         start = given.setdefault("start", self._next)
         found = super().reset(seed=seed, options=given)
-        self._next = (start + self.num_envs) % self.get_attr("count")[0]
+        self._next = (start + self.num_envs) % self.metadata["starts"]
         return found
 
 
@@ -171,18 +177,11 @@ class AsyncSuiteEnvs(_StartsInOrder, AsyncVectorEnv):
     """Environments of a task, each in a process of its own."""
 
 
-def _check_start(start: object, count: int) -> int:
-    number = as_int("start", start)
-    if not 0 <= number < count:
-        raise RequestError(OUT_OF_RANGE(argument="start", value=number, wanted=f"from 0 to {count - 1}"))
-    return number
-
-
 def _space_of(observation: Any) -> Any:
     if isinstance(observation, dict):
         return Dict({name: _space_of(part) for name, part in observation.items()})
-    ends = (0, 255) if observation.dtype == np.uint8 else (-np.inf, np.inf)
-    return Box(*ends, observation.shape, observation.dtype)
+    low, high = (0.0, 255.0) if observation.dtype == np.uint8 else (-np.inf, np.inf)
+    return Box(low, high, observation.shape, dtype=observation.dtype)
 
 
 def _download_beside(folder: Path) -> None:

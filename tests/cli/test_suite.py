@@ -75,6 +75,12 @@ def test_episodes_that_end_by_an_error_are_told(small, scenegen, tmp_path):
             "missing-argument",
         ),
         (["report", "small", "o.jsonl", "--out", "o.pdf"], "wrong-ending"),
+        (["envhub", "small", "--out", "hub"], "missing-argument"),
+        (["envhub", "small", "small", "--out", "hub", "--world", "table"], "out-of-place"),
+        (["envhub", "small", "--out", "hub", "--world", "w.py:m"], "wrong-value"),
+        (["envhub", "small", "--out", "hub", "--world", "no.such:m"], "world-fails"),
+        (["envhub", "small", "--out", "hub", "--world", "no.such:m", "--steps", "0"], "out-of-range"),
+        (["envhub", "small", "--out", ".", "--world", "no.such:m"], "cannot-write"),
         (["new", "table_setting", "--out", "x", "--bands", "0"], "out-of-range"),
         (["new", "table_setting", "--out", "x", "--bands", "near"], "argument-syntax"),
         (["new", "table_setting", "--out", "x", "--success", "nothing"], "unknown-label"),
@@ -85,6 +91,13 @@ def test_what_the_program_refuses(small, words, kind, scenegen, tmp_path, monkey
     (tmp_path / "small").symlink_to(small)
     said = scenegen("suite", *words)
     assert said.status == 1 and said.err.startswith(f"error[{kind}]"), said.err
+
+
+def test_a_folder_for_lerobot(small, scenegen, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(small.parents[3] / "play" / "suites")
+    said = scenegen("suite", "envhub", str(small), "--world", "toy:make", "--out", str(tmp_path / "hub"))
+    assert said.status == 0 and "4 files" in said.err
+    assert sorted(one.name for one in (tmp_path / "hub").iterdir())[-2:] == ["env.py", "suite.json"]
 
 
 SPEC = """object a = cylinder(2 cm, 4 cm), b = cylinder(2 cm, 4 cm) at (0, 0)

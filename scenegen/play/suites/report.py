@@ -17,6 +17,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.files import WRONG_ENDING
 from scenegen.errors.requests import GIVEN_TWICE
 from scenegen.learn.success.statistics import ALPHA, base_rate, required_unpaired_starts, wilson
+from scenegen.play.suites.harnesses.results import read_results
 from scenegen.play.suites.outcomes import (
     RUN_FIELDS,
     EpisodeOutcome,
@@ -24,7 +25,6 @@ from scenegen.play.suites.outcomes import (
     check_outcomes,
     compare_outcomes,
     differences,
-    read_outcomes,
 )
 from scenegen.play.suites.suite import GradedStart, Suite
 from scenegen.scenes.files import write_whole
@@ -62,7 +62,7 @@ def report_suite(
     if out.suffix not in (".html", ".md"):
         raise RequestError(WRONG_ENDING(path=out, ending=".html", better=out.with_suffix(".html")))
     suite = Suite.load(folder)
-    read = [read_outcomes(path, suite) for path in files]
+    read = [read_results(path, suite) for path in files]
     suites = {way: Suite.load(folder, reverse=way) for way in {one.header.reverse for one in read}}
     for path, one in zip(files, read, strict=True):
         check_outcomes(path, one, suites[one.header.reverse])

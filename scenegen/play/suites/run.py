@@ -25,11 +25,12 @@ from urllib.parse import urlsplit
 from scenegen.errors import DataError, RequestError, ScenegenError
 from scenegen.errors.files import UNFINISHED_RUN
 from scenegen.errors.program import PROCESS_DIED
-from scenegen.errors.requests import BAD_PLUGIN, OUT_OF_RANGE, UNKNOWN_CHOICE
+from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.errors.worlds import NOT_A_SUITE, WORLD_FAILS
 from scenegen.learn.success.files import Instruction, OutcomesHeader
 from scenegen.learn.success.statistics import decided_after
 from scenegen.play.policy_server import decode, encode
+from scenegen.play.suites.episodes import TaskEpisodes, check_steps, error_line, explain_failure
 from scenegen.play.suites.loading import check_name, load_named, versions_of
 from scenegen.play.suites.outcomes import (
     EpisodeOutcome,
@@ -39,14 +40,13 @@ from scenegen.play.suites.outcomes import (
     dump_outcomes,
     read_outcomes,
 )
-from scenegen.play.suites.suite import GradedStart, Suite, SuiteTask
+from scenegen.play.suites.suite import GradedStart, Suite
 from scenegen.processes.pool import check_workers
 from scenegen.processes.process import FAILED, GONE, WorkerMessage, WorkerProcess
 from scenegen.scenes.files import check_writable, report_write_errors, target, write_whole
 from scenegen.scenes.lock import lock_file
-from scenegen.validation import as_int, as_path, as_seconds, as_success
+from scenegen.validation import as_path, as_seconds
 
-ERROR_LENGTH = 200  # characters of an error that outcomes keep
 PROCESS_START = 120.0  # seconds for a process to begin
 SERVER_WAIT = 30.0  # seconds for a policy's server to come back, but at most half of those of an episode
 Policy = Callable[[Any, str], Any]
@@ -80,9 +80,7 @@ def run_suite(
     order drawn by lot, as show which of the two is better (`PairedDifference.is_decided`). Raises RequestError,
     DataError, OutputError, and ScenegenError where world or policy cannot be had at all.
     """
-    out, timeout, steps = as_path("out", out), as_seconds("timeout", timeout), as_int("steps", steps)
-    if steps < 1:
-        raise RequestError(OUT_OF_RANGE(argument="steps", value=steps, wanted="1 or more"))
+    out, timeout, steps = as_path("out", out), as_seconds("timeout", timeout), check_steps(steps)
     if instruction not in get_args(Instruction):
         raise RequestError(UNKNOWN_CHOICE(what="instruction", name=instruction, known=get_args(Instruction)))
     check_name("world", world)
@@ -214,11 +212,6 @@ def _play_all(
             worker.end()
 
 
-def _error_line(error: Exception) -> str:
-    """What an error says, on one line."""
-    return f"{type(error).__name__}: {error}".splitlines()[0][:ERROR_LENGTH]
-
-
 def _outcome(
     start: GradedStart, success: bool, steps: int, error: str | None = None, scene: SceneThatStood | None = None
 ) -> EpisodeOutcome:
@@ -239,61 +232,46 @@ class Player:
     most: int
     wait: float = math.inf
     suite: Suite | None = None
-    task: SuiteTask | None = None
-    env: Any = None
+    episodes: TaskEpisodes | None = None
     act: Any = None
-    steps: int = 0
-    scene: SceneThatStood | None = None
 
     def __call__(self, number: int) -> EpisodeOutcome:
         self.suite = self.suite or Suite.load(self.folder, reverse=self.reverse)
         start = self.suite[number]
-        if self.task is not start.task:
-            self._prepare(start.task)
+        episodes = self._prepare(start)
         try:
-            success = self._play(start)
+            self._play(episodes, start)
         except ScenegenError:
             raise
         except Exception as error:
             self._drop()  # nobody knows what state they are in
-            return _outcome(start, False, self.steps, _error_line(error), self.scene)
-        return _outcome(start, success, self.steps, scene=self.scene)
+            return _outcome(start, False, episodes.steps, error_line(error), episodes.scene)
+        return _outcome(start, episodes.success, episodes.steps, scene=episodes.scene)
 
-    def _prepare(self, task: SuiteTask) -> None:
-        """Make the task's environment, and a policy for it. Raises ScenegenError."""
+    def _prepare(self, start: GradedStart) -> TaskEpisodes:
+        """The environment of the start's task, with a policy for it. Raises ScenegenError."""
+        if self.episodes is not None and self.episodes.task is start.task:
+            return self.episodes
         self._drop()
-        what, name = "the world", self.world
+        self.episodes = episodes = TaskEpisodes(self.world, start.task, self.most, self.suite)
         try:
-            world = load_named("world", self.world)
-            self.env = world(task, self.suite) if "suite" in inspect.signature(world).parameters else world(task)
-            what, name = "the policy", self.policy
-            self.act = load_policy(self.policy, self.env, self.wait)
+            self.act = load_policy(self.policy, episodes.env, self.wait)
         except Exception as error:
-            if isinstance(error, RequestError) and error.diagnostics[0].kind == BAD_PLUGIN:
-                raise
-            reason = _error_line(error)
-            raise ScenegenError(WORLD_FAILS(what=what, name=name, how="cannot be made", reason=reason)) from error
-        self.task = task
+            self._drop()
+            raise explain_failure("the policy", self.policy, error) from error
+        return episodes
 
     def _drop(self) -> None:
-        with contextlib.suppress(Exception):
-            self.env.close()
-        self.task = self.env = self.act = None
+        if self.episodes is not None:
+            self.episodes.close()
+        self.episodes = self.act = None
 
-    def _play(self, start: GradedStart) -> bool:
-        self.steps, self.scene = 0, None
-        observation, info = self.env.reset(seed=start.seed, options={"start": start})
-        if (stood := info.get("scene")) is not None:
-            self.scene = SceneThatStood.model_validate(stood)
+    def _play(self, episodes: TaskEpisodes, start: GradedStart) -> None:
+        episodes.begin(start)
         if hasattr(self.act, "reset"):
             self.act.reset(start.seed)
-        ended, success = False, as_success(self.world, {"success": None, **info}, "success")
-        while not (ended or success) and self.steps < self.most:
-            action = self.act(observation, "" if self.empty else start.task.instruction)
-            self.steps += 1
-            observation, _, terminated, truncated, info = self.env.step(action)
-            ended, success = bool(terminated or truncated), as_success(self.world, info, "success")
-        return success
+        while not episodes.ended:
+            episodes.step(self.act(episodes.observation, "" if self.empty else start.task.instruction))
 
 
 def load_policy(text: str, env: Any, wait: float = math.inf) -> Policy:

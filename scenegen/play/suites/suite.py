@@ -193,6 +193,11 @@ class Suite:
         task, band = cells[cell]
         return task.start(task.bands.index(band) * self.n + which, number)
 
+    def numbers(self, task: SuiteTask) -> list[int]:
+        """The numbers of the starts of a task, in their order."""
+        of = [one is task for one, _ in self.cells]
+        return [number for number in range(len(self)) if of[number % len(of)]]
+
     def part(self, first: int = 0, end: int | None = None, bands: Collection[str] | None = None) -> list[int]:
         """The numbers of the starts from `first` up to, not including, `end`, or of those of some bands. Raises
         RequestError."""

@@ -77,6 +77,13 @@ class ArmWorld:
         self.env.close()
 
     @property
+    def action_space(self) -> Any:
+        """A Box (7,) of Gymnasium."""
+        from gymnasium.spaces import Box
+
+        return Box(-1.0, 1.0, (7,))
+
+    @property
     def sim(self) -> Any:
         return self.env.sim
 

@@ -1,0 +1,1 @@
+"""Suites in the harnesses that people run: a module each."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from scenegen.arrays import Array
 from scenegen.geometry.footprint import measures
-from scenegen.needs import found
+from scenegen.needs import is_installed
 from scenegen.play.stage.camera import Photograph, StageCamera
 from scenegen.play.stage.stage import Stage, outline_at
 from scenegen.play.suites.suite import GradedStart
@@ -44,7 +44,7 @@ def draw_overlay(
             tip = pose[:2] + measures(shape.footprint).outer * np.array([math.cos(pose[2]), math.sin(pose[2])])
             draw.line(_pixels(camera, np.array([pose[:2], tip]), base), fill=BASE_COLOR, width=wide)
         draw.text(_pixels(camera, pose[None, :2], base)[0], start.objects[which], fill=BASE_COLOR, font_size=14 * wide)
-    if rendered and found("pybullet"):
+    if rendered and is_installed("pybullet"):
         picture = _beside(picture, _render(start))
     sink = io.BytesIO()
     picture.save(sink, "PNG")

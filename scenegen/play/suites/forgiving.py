@@ -24,7 +24,7 @@ from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import REQUIRE, Core, gate, read_rows
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import ANGLES, LENGTHS, THETA, along, as_poses, is_angle, wrap_heading
+from scenegen.pose import ANGLES, LENGTHS, THETA, as_poses, is_angle, rows_along, wrap_heading
 from scenegen.search.contract import Bounds, label_bounds
 from scenegen.search.effort import Budget
 from scenegen.search.tape import make_batches
@@ -126,14 +126,14 @@ def _prove(
     """(B,): of which scenes all others within reach have phi of labels where it is wanted, and are in the workspace."""
     lengths = [row for row in range(len(reach)) if reach[row] and not is_angle(row)]
     inside = (rows - reach[:, None] >= box[0][:, None]) & (rows + reach[:, None] <= box[1][:, None])
-    good = inside[lengths].all(axis=0)
+    good = np.asarray(inside[lengths].all(axis=0))
     rng = np.random.default_rng(0)  # which corners are tried changes only how long a proof takes
     for _ in range(TRIED_ERRORS):
         some = np.flatnonzero(good)
         there = rows[:, some] + reach[:, None] * rng.choice((-1.0, 1.0), (len(rows), len(some)))
         good[some] = _within(core, _wrap(there), wanted)
     for which in np.flatnonzero(good):
-        if budget.spent:
+        if budget.is_spent:
             raise RequestError(NO_TIME_TO_CHECK())
         good[which] = _prove_one(core, rows[:, which], reach, wanted)
     return good
@@ -166,5 +166,5 @@ def _prove_one(core: Core, scene: Array, reach: Array, wanted: Mapping[str, Boun
 
 def _wrap(rows: Array) -> Array:
     rows = rows.copy()
-    rows[along(THETA)] = wrap_heading(np, rows[along(THETA)])
+    rows[rows_along(THETA)] = wrap_heading(np, rows[rows_along(THETA)])
     return rows

@@ -186,7 +186,8 @@ def shape_objects(draft: Draft) -> None:
     also = variants.behind(len(scope.objects)) if variants.more else {}
     draft.fixed.update({place: draft.fixed[like] for place, like in also.items() if like in draft.fixed})
     (left, right), (bottom, top) = draft.space.x, draft.space.y
-    for which, (x, y, _) in draft.fixed.items():  # a robot may stand beside the workspace: its own box reaches there
+    for which, (x, y, _) in draft.fixed.items() if not draft.problems else ():
+        # a robot may stand beside the workspace: its own box reaches there
         if draft.shapes[which].arm is not None and not (left <= x <= right and bottom <= y <= top):
             box = (which, (min(x, left), max(x, right)), (min(y, bottom), max(y, top)))
             draft.space = replace(draft.space, own=(*draft.space.own, box))

@@ -23,7 +23,7 @@ from scenegen.play.stage.camera import Grey, Photograph, find_camera
 from scenegen.play.stage.mat import LABEL_GREY, draw_mat, tag_cells
 from scenegen.play.stage.measure import pose_by_tag, poses_by_tags, tops_of
 from scenegen.play.stage.pdf import Stroke, Words
-from scenegen.play.stage.stage import TAG_CELLS, Stage, outline_at
+from scenegen.play.stage.stage import TAG_CELLS, TableStage, outline_at
 from scenegen.play.suites.suite import GradedStart, Suite
 
 PIXELS_PER_METRE = 5000.0  # of the mat's raster
@@ -47,7 +47,7 @@ class Shot:
     light: tuple[float, float]
 
 
-def draw_shot(rng: np.random.Generator, stage: Stage, distance: float) -> Shot:
+def draw_shot(rng: np.random.Generator, stage: TableStage, distance: float) -> Shot:
     """A camera at a distance in metres from the middle of the mat, 40 to 85 degrees above it, as phones and webcams
     are."""
     focal = WIDTH * rng.uniform(0.55, 0.9)
@@ -74,7 +74,7 @@ def draw_shot(rng: np.random.Generator, stage: Stage, distance: float) -> Shot:
     )  # fmt: skip
 
 
-def mat_raster(stage: Stage) -> tuple[Array, Callable[[Array], Array]]:
+def mat_raster(stage: TableStage) -> tuple[Array, Callable[[Array], Array]]:
     """The mat as brightness from 0 to 1, and what leads from points (P, 2) in metres to its pixels."""
     drawing = draw_mat(stage, "rendered", "a0")
     (left, low), (right, high) = drawing.low, drawing.high
@@ -117,7 +117,7 @@ def cover_pixels(ends: Array, count: int) -> Array:
 
 
 def render_photograph(
-    stage: Stage,
+    stage: TableStage,
     start: GradedStart,
     poses: Array,
     shot: Shot,
@@ -216,7 +216,7 @@ FAULTS: dict[str, dict[str, Any]] = {  # how a picture is wrong, and what names 
 
 def measure_photographs(suite: Suite, n: int, seed: int, rows_file: Path | None) -> None:
     """Errors of objects in n pictures from 0.5 to 1.5 m, each object 7 mm and 5 degrees off its place."""
-    stage, rng = Stage.of(suite), np.random.default_rng(seed)
+    stage, rng = TableStage.from_suite(suite), np.random.default_rng(seed)
     raster = mat_raster(stage)
     rows, failed = [], Counter[str]()
     for _ in range(n):
@@ -224,7 +224,7 @@ def measure_photographs(suite: Suite, n: int, seed: int, rows_file: Path | None)
         distance = rng.uniform(0.5, 1.5)
         picture = render_photograph(stage, start, poses, draw_shot(rng, stage, distance), rng, raster=raster)
         try:
-            photo = Photograph.of(picture, "a picture")
+            photo = Photograph.from_picture(picture, "a picture")
             camera = find_camera(stage, photo)
         except DataError as error:
             failed[error.diagnostics[0].text("title")] += len(poses)
@@ -257,7 +257,7 @@ def measure_photographs(suite: Suite, n: int, seed: int, rows_file: Path | None)
 
 def name_faults(suite: Suite, n: int, seed: int) -> None:
     """How many of n pictures with a fault are refused with the words that name it."""
-    stage, rng = Stage.of(suite), np.random.default_rng(seed)
+    stage, rng = TableStage.from_suite(suite), np.random.default_rng(seed)
     for fault, given in FAULTS.items():
         named = 0
         for _ in range(n):
@@ -274,14 +274,14 @@ def name_faults(suite: Suite, n: int, seed: int) -> None:
                 stage, start, poses, shot, rng, raster=mat_raster(printed), tags=tags, **more
             )  # fmt: skip
             try:
-                photo = Photograph.of(picture, "a picture")
+                photo = Photograph.from_picture(picture, "a picture")
                 poses_by_tags(stage, start, photo, find_camera(stage, photo))
             except DataError as error:
                 named += given["says"] in error.diagnostics[0].text("title")
         print(f"{fault}: named in {named} of {n}")
 
 
-def grow_mat(stage: Stage, by: float) -> Stage:
+def grow_mat(stage: TableStage, by: float) -> TableStage:
     """The mat of a workspace that is larger by so many metres on each side."""
     return replace(stage, x=(stage.x[0] - by, stage.x[1] + by), y=(stage.y[0] - by, stage.y[1] + by))
 

@@ -18,7 +18,7 @@ from scenegen.play.stage.camera import Photograph, find_camera
 from scenegen.play.stage.check import check_poses
 from scenegen.play.stage.measure import measure_poses
 from scenegen.play.stage.overlay import draw_overlay
-from scenegen.play.stage.stage import Stage
+from scenegen.play.stage.stage import TableStage
 from scenegen.play.suites.suite import Suite
 
 FOLDER = Path("docs/images/stage")
@@ -34,7 +34,7 @@ def is_in_front(shot: Shot) -> bool:
 
 def main() -> None:
     suite = Suite.load("tabletop")
-    stage, start, rng = Stage.of(suite), suite[EPISODE], np.random.default_rng(SEED)
+    stage, start, rng = TableStage.from_suite(suite), suite[EPISODE], np.random.default_rng(SEED)
     raster = mat_raster(stage)
     poses = start.task.scenes.poses[start.row].copy()
     poses[0, :2] += (-0.03, -0.03)

@@ -80,13 +80,13 @@ def stage(
 def _mat(place: str, out: Path, paper: str = "a4", **given: Any) -> None:
     from scenegen.play.stage.mat import draw_mat, draw_tags
     from scenegen.play.stage.pdf import write_pdf
-    from scenegen.play.stage.stage import Stage
+    from scenegen.play.stage.stage import TableStage
     from scenegen.play.suites.suite import Suite
     from scenegen.scenes.files import write_whole
 
     _check_paper(out, paper)
     suite = Suite.load(place)
-    stage = Stage.of(suite, *given.values())
+    stage = TableStage.from_suite(suite, *given.values())
     write_whole(out, write_pdf([draw_mat(stage, suite.name, paper), *draw_tags(stage, suite.name)]))
     width, height = (100.0 * side for side in stage.size)
     print_error(f"a mat of {width:.1f} x {height:.1f} cm and {len(stage.things)} tags of things in {out}")
@@ -95,13 +95,13 @@ def _mat(place: str, out: Path, paper: str = "a4", **given: Any) -> None:
 def _sheet(place: str, out: Path | None = None, paper: str = "a4", grid: float | None = None, **given: Any) -> None:
     from scenegen.play.stage.pdf import write_pdf
     from scenegen.play.stage.sheet import draw_start, write_card
-    from scenegen.play.stage.stage import Stage
+    from scenegen.play.stage.stage import TableStage
     from scenegen.scenes.files import write_whole
 
     if out is not None:
         _check_paper(out, paper)
     suite, starts = _starts(place, **given)
-    stage = Stage.of(suite, *([] if grid is None else [grid]))
+    stage = TableStage.from_suite(suite, *([] if grid is None else [grid]))
     if out is None:
         print("\n".join(write_card(stage, one) for one in starts), end="")
         return
@@ -123,7 +123,7 @@ def _check(
 ) -> int:
     from scenegen.play.stage.check import check_poses, scene_of
     from scenegen.play.stage.measure import measure_poses
-    from scenegen.play.stage.stage import Stage
+    from scenegen.play.stage.stage import TableStage
 
     if (photo is None) == (poses is None):
         question = "give --photo, a picture of the table, or --poses, a table of places"
@@ -131,8 +131,8 @@ def _check(
     for name, value in (("corners", corners), ("camera", camera), ("ruler", ruler)):
         if value is not None and photo is None:
             raise RequestError(OUT_OF_PLACE(argument=name, rule="goes with --photo", remedy="leave it out"))
-    suite, start = _one(place, episodes, reverse)
-    stage = Stage.of(suite, *([] if grid is None else [grid]))
+    suite, start = _find_start(place, episodes, reverse)
+    stage = TableStage.from_suite(suite, *([] if grid is None else [grid]))
     found = check_poses(start, measure_poses(stage, start, photo, corners, poses, camera, ruler))
     print("\n".join(found.lines(stage)))
     if out is not None:
@@ -140,7 +140,7 @@ def _check(
     return 0 if found.ok else 1
 
 
-def _one(place: str, episodes: str, reverse: bool) -> tuple[Suite, GradedStart]:
+def _find_start(place: str, episodes: str, reverse: bool) -> tuple[Suite, GradedStart]:
     """A suite and the one start of it that is on the table. Raises RequestError."""
     suite, starts = _starts(place, episodes, reverse)
     if len(starts) != 1:
@@ -153,13 +153,13 @@ def _overlay(
 ) -> None:
     from scenegen.play.stage.camera import Lens, Photograph, find_camera
     from scenegen.play.stage.overlay import draw_overlay
-    from scenegen.play.stage.stage import Stage
+    from scenegen.play.stage.stage import TableStage
     from scenegen.scenes.files import write_whole
     from scenegen.scenes.formats.registry import check_ending
 
     check_ending(out, ".png")
-    suite, start = _one(place, episodes, reverse)
-    stage, picture = Stage.of(suite), Photograph.read(photo)
+    suite, start = _find_start(place, episodes, reverse)
+    stage, picture = TableStage.from_suite(suite), Photograph.read(photo)
     seen = find_camera(stage, picture, None if camera is None else Lens.read(camera))
     write_whole(out, draw_overlay(stage, start, picture, seen))
     print_error(f"episode {start.number} drawn into {photo}: {out}")

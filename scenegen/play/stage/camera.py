@@ -22,7 +22,7 @@ from scenegen.arrays import Array
 from scenegen.errors import DataError
 from scenegen.errors.worlds import STAGE_MAT, STAGE_PHOTO
 from scenegen.needs import need
-from scenegen.play.stage.stage import MAT_TAGS, TAG_CELLS, Stage
+from scenegen.play.stage.stage import MAT_TAGS, TAG_CELLS, TableStage
 from scenegen.scenes.files import read_bytes
 
 Grey = npt.NDArray[np.uint8]
@@ -70,10 +70,10 @@ class Photograph:
         except (UnidentifiedImageError, OSError, ValueError, Image.DecompressionBombError) as error:
             raise DataError(STAGE_PHOTO(file=path, reason=str(error) or type(error).__name__)) from None
         focal = float(film) / FILM_DIAGONAL * math.hypot(*grey.shape) if film else None
-        return Photograph.of(grey, str(path), focal)
+        return Photograph.from_picture(grey, str(path), focal)
 
     @staticmethod
-    def of(grey: Grey, name: str, focal: float | None = None) -> Photograph:
+    def from_picture(grey: Grey, name: str, focal: float | None = None) -> Photograph:
         """A picture (h, w) of a camera."""
         need("cv2", "for tags")
         import cv2
@@ -171,7 +171,7 @@ class Lens:
         return cls(matrix, np.concatenate([few, np.zeros(5 - len(few))]))
 
 
-def find_camera(stage: Stage, photo: Photograph, lens: Lens | None = None) -> StageCamera:
+def find_camera(stage: TableStage, photo: Photograph, lens: Lens | None = None) -> StageCamera:
     """The camera of a photograph. Raises DataError where fewer than three tags of the mat are seen, and where they do
     not lie as on the stage's mat."""
     seen = [tag for tag in range(MAT_TAGS) if tag in photo.tags]

@@ -20,15 +20,15 @@ from scenegen.geometry import NUMPY
 from scenegen.geometry.footprint import measures
 from scenegen.lang.formula.core import REQUIRE, Atom, gate
 from scenegen.lang.formula.interpret import deciding_atom, evaluate
-from scenegen.play.stage.stage import Stage
+from scenegen.play.stage.stage import TableStage
 from scenegen.play.suites.suite import BandData, GradedStart, SuiteTask
 from scenegen.pose import PLACE, THETA, TWO_PI, as_rows, wrap_heading
 
 MOVE_STEP, MOST_MOVE = 0.0025, 0.12  # metres
-TURN_STEP = math.radians(2.5)
+MOVE_TURN = math.radians(2.5)
 MOVE_DIRECTIONS = 16
 BAND_INSET = 0.1  # of a band's width: how far inside of it an advised move ends, where one does
-SLOPE = 1e-5  # metres and radians: of differences
+SLOPE_DISTANCE = 1e-5  # metres and radians: of differences
 HELD_OFF = 0.005, math.radians(3.0)  # what objects may be off that the spec holds in place: phi takes them for there
 
 
@@ -67,7 +67,7 @@ class StageCheck:
     def ok(self) -> bool:
         return self.band == self.start.band and self.broken is None and self.move is None
 
-    def lines(self, stage: Stage) -> list[str]:
+    def lines(self, stage: TableStage) -> list[str]:
         """What a person reads: a line for each object, and the judgement."""
         start, spec = self.start, self.start.task.spec.checked
         said = [f"episode {start.number}: {start.task.name}, {start.band}"]
@@ -95,7 +95,7 @@ def check_poses(start: GradedStart, poses: Array) -> StageCheck:
     off[:, THETA] = np.remainder(off[:, THETA] + math.pi, TWO_PI) - math.pi
     phi, required = margins_at(start, poses[None])
     band = band_at(start.task, float(phi[0]))
-    broken = _broken(start, poses) if required[0] < 0.0 else None
+    broken = _describe_broken(start, poses) if required[0] < 0.0 else None
     move = _move_held(start, off, float(phi[0]))
     if move is None and (band != start.band or broken is not None):
         move = _find_move(start, poses, off)
@@ -145,7 +145,7 @@ def _rows(start: GradedStart, poses: Array) -> Array:
     return rows
 
 
-def _broken(start: GradedStart, poses: Array) -> str:
+def _describe_broken(start: GradedStart, poses: Array) -> str:
     """The part of what the spec requires that does not hold."""
     core = gate(start.task.spec.checked.core)
     values = evaluate(core, _rows(start, poses[None])[:, 0].tolist())
@@ -203,7 +203,7 @@ def _find_move(start: GradedStart, poses: Array, off: Array) -> StageMove:
 def _moves(start: GradedStart, poses: Array, off: Array, free: list[int]) -> tuple[Array, Array]:
     """Moves worth a try: the objects (K,), and x, y and turn of each (K, 3)."""
     lengths = np.arange(MOVE_STEP, MOST_MOVE, MOVE_STEP)
-    turns = np.arange(TURN_STEP, math.pi, TURN_STEP)
+    turns = np.arange(MOVE_TURN, math.pi, MOVE_TURN)
     ways = [(math.cos(one), math.sin(one)) for one in np.arange(MOVE_DIRECTIONS) * TWO_PI / MOVE_DIRECTIONS]
     which, moves = [], []
     slopes = _slopes(start, poses)
@@ -223,6 +223,8 @@ def _moves(start: GradedStart, poses: Array, off: Array, free: list[int]) -> tup
 
 def _slopes(start: GradedStart, poses: Array) -> Array:
     """(2, N, 3): how phi and what is required grow with each coordinate, by differences."""
-    steps = SLOPE * np.eye(poses.size).reshape(poses.size, *poses.shape)
+    steps = SLOPE_DISTANCE * np.eye(poses.size).reshape(poses.size, *poses.shape)
     both = margins_at(start, np.concatenate([poses + steps, poses - steps]))
-    return np.array([(one[: poses.size] - one[poses.size :]) / (2.0 * SLOPE) for one in both]).reshape(2, *poses.shape)
+    return np.array([(one[: poses.size] - one[poses.size :]) / (2.0 * SLOPE_DISTANCE) for one in both]).reshape(
+        2, *poses.shape
+    )

@@ -17,7 +17,7 @@ from scenegen.play.stage.check import check_poses
 from scenegen.play.stage.measure import check_table, poses_by_tags
 from scenegen.play.stage.overlay import draw_overlay
 from scenegen.play.stage.sheet import write_card
-from scenegen.play.stage.stage import Stage
+from scenegen.play.stage.stage import TableStage
 from scenegen.play.suites.suite import GradedStart, Suite, SuiteTask
 from scenegen.scenes.files import write_whole
 
@@ -37,7 +37,9 @@ def load_hand(role: Literal["world", "policy"], text: str) -> Callable[..., Any]
 def make_hand(folder: str, task: SuiteTask, suite: Suite) -> HandWorld:
     """Raises OSError without a terminal."""
     terminal = Path(TERMINAL)
-    return HandWorld(Stage.of(suite), Path(folder) if folder else None, terminal.open(), terminal.open("w"))
+    return HandWorld(
+        TableStage.from_suite(suite), Path(folder) if folder else None, terminal.open(), terminal.open("w")
+    )
 
 
 @dataclass(slots=True, eq=False)
@@ -46,7 +48,7 @@ class HandWorld:
     in it is looked at, and camera.json in it says what is known of the camera; overlay.png is written there. A policy
     acts on the robot itself in its one call of an episode."""
 
-    stage: Stage
+    stage: TableStage
     folder: Path | None
     keys: TextIO
     screen: TextIO

@@ -8,8 +8,8 @@ import numpy as np
 
 from scenegen.arrays import Bool
 from scenegen.needs import need
-from scenegen.play.stage.pdf import PAPER_EDGE, PAPERS, Drawing, Stroke, Words
-from scenegen.play.stage.stage import TAG_CELLS, Stage, StageThing, square_corners
+from scenegen.play.stage.pdf import PAPER_EDGE, PAPERS, PaperDrawing, Stroke, Words
+from scenegen.play.stage.stage import TAG_CELLS, StageThing, TableStage, square_corners
 
 RULER = 0.1  # metres
 LINE_GREY, LABEL_GREY = 0.75, 0.35
@@ -26,7 +26,7 @@ def tag_cells(tag: int) -> Bool:
     return found
 
 
-def draw_mat(stage: Stage, name: str, paper: str) -> Drawing:
+def draw_mat(stage: TableStage, name: str, paper: str) -> PaperDrawing:
     """The mat: tags, grid, and a ruler. Raises RequestError without OpenCV."""
     low, high = ((stage.x[0], stage.y[0]), (stage.x[1], stage.y[1]))
     low, high = (low[0] - stage.edge, low[1] - stage.edge), (high[0] + stage.edge, high[1] + stage.edge)
@@ -35,10 +35,10 @@ def draw_mat(stage: Stage, name: str, paper: str) -> Drawing:
         x, y = corners.mean(axis=0).tolist()
         parts += _tag(tag, x, y, stage.tag)
     title = f"scenegen stage: mat of {name}, 1:1 (print at 100 %, not fitted to the page)"
-    return Drawing(low, high, parts, paper, title)
+    return PaperDrawing(low, high, parts, paper, title)
 
 
-def draw_grid(stage: Stage) -> Iterator[Stroke | Words]:
+def draw_grid(stage: TableStage) -> Iterator[Stroke | Words]:
     """Lines with names, and the frame of the workspace."""
     (left, right), (near, far) = stage.x, stage.y
     letter, gap = min(0.4 * stage.step, 0.006), min(stage.margin / 2.0, 0.01)
@@ -73,7 +73,7 @@ def _tag(tag: int, x: float, y: float, side: float) -> Iterator[Stroke]:
             yield Stroke([(low, top), (high, top), (high, top - cell), (low, top - cell)], grey=1.0, fill=True)
 
 
-def draw_tags(stage: Stage, name: str, paper: str = "a4") -> Iterator[Drawing]:
+def draw_tags(stage: TableStage, name: str, paper: str = "a4") -> Iterator[PaperDrawing]:
     """Pages with the tags of things, each with its name and the arrow of its heading, to cut out along the frame."""
     width, height = ((side - 2.0 * PAPER_EDGE) / 1000.0 for side in PAPERS[paper])
     title = f"scenegen stage: tags of {name}, 1:1; glue each onto the middle of its thing, the arrow along the heading"
@@ -84,11 +84,11 @@ def draw_tags(stage: Stage, name: str, paper: str = "a4") -> Iterator[Drawing]:
         if x + side + 2.0 * TAG_ROOM > width:
             x, y, row = 0.0, y + row, 0.0
         if y + side + 2.0 * TAG_ROOM > height and parts:
-            yield Drawing((0.0, -height), (width, 0.0), parts, paper, title)
+            yield PaperDrawing((0.0, -height), (width, 0.0), parts, paper, title)
             parts, x, y, row = [], 0.0, 0.0, 0.0
         parts += _cut_out(thing, x + side / 2.0 + TAG_ROOM, -y - side / 2.0 - TAG_ROOM, side)
         x, row = x + side + 2.0 * TAG_ROOM, max(row, side + 2.0 * TAG_ROOM)
-    yield Drawing((0.0, -height), (width, 0.0), parts, paper, title)
+    yield PaperDrawing((0.0, -height), (width, 0.0), parts, paper, title)
 
 
 def _cut_out(thing: StageThing, x: float, y: float, side: float) -> Iterator[Stroke | Words]:

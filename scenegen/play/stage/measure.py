@@ -17,7 +17,7 @@ from scenegen.errors.files import NOT_SCENES
 from scenegen.errors.worlds import STAGE_MAT, STAGE_THINGS
 from scenegen.geometry import Circle
 from scenegen.play.stage.camera import Lens, Photograph, StageCamera, find_camera
-from scenegen.play.stage.stage import Stage, StageThing, square_corners
+from scenegen.play.stage.stage import StageThing, TableStage, square_corners
 from scenegen.play.suites.suite import GradedStart
 from scenegen.pose import THETA, TWO_PI
 from scenegen.scenes.formats.tables import read_table
@@ -30,7 +30,7 @@ MAX_CLICKED_CORNERS = 6  # of an outline with corners: every order of more takes
 
 
 def measure_poses(
-    stage: Stage,
+    stage: TableStage,
     start: GradedStart,
     photo: Path | None = None,
     corners: Path | None = None,
@@ -57,7 +57,7 @@ def measure_poses(
     return found
 
 
-def poses_by_tags(stage: Stage, start: GradedStart, photo: Photograph, camera: StageCamera) -> Array:
+def poses_by_tags(stage: TableStage, start: GradedStart, photo: Photograph, camera: StageCamera) -> Array:
     """(N, 3). Raises DataError where an object's tag is not seen, or another thing's is on the mat, and where the tags
     are of another size on the mat than on the things: the printer changed one of both."""
     wanted = _things_of(stage, start)
@@ -85,7 +85,7 @@ def check_ruler(file: str, length: float) -> None:
         raise DataError(STAGE_MAT(file=file, percent=1000.0 * length))
 
 
-def poses_by_corners(stage: Stage, start: GradedStart, path: Path, camera: StageCamera) -> Array:
+def poses_by_corners(stage: TableStage, start: GradedStart, path: Path, camera: StageCamera) -> Array:
     """(N, 3), from a table with the columns object, u and v: pixels of corners of the tops of outlines, in any order;
     of round outlines three or more points. A heading that corners leave open is the one nearest to the start's. Raises
     DataError."""
@@ -113,7 +113,7 @@ def poses_by_table(start: GradedStart, path: Path) -> Array:
     return poses
 
 
-def check_table(stage: Stage, start: GradedStart, poses: Array) -> None:
+def check_table(stage: TableStage, start: GradedStart, poses: Array) -> None:
     """Raises DataError for an object off the table: beyond the margin of the mat."""
     ends = [(low - stage.margin, high + stage.margin) for low, high in (stage.x, stage.y)]
     for name, (x, y, _) in zip(start.objects, poses.tolist(), strict=True):
@@ -122,7 +122,7 @@ def check_table(stage: Stage, start: GradedStart, poses: Array) -> None:
             raise DataError(STAGE_THINGS(name=name, x=100.0 * x, y=100.0 * y, table=table))
 
 
-def _things_of(stage: Stage, start: GradedStart) -> list[StageThing]:
+def _things_of(stage: TableStage, start: GradedStart) -> list[StageThing]:
     return [stage.thing(start.task.spec.checked, which) for which in range(len(start.objects))]
 
 
@@ -132,7 +132,7 @@ def tops_of(start: GradedStart) -> list[float]:
     return [float(pose[2]) + shape.height for pose, shape in zip(start.poses, shapes, strict=True)]
 
 
-def _is_on(stage: Stage, thing: StageThing, photo: Photograph, camera: StageCamera) -> bool:
+def _is_on(stage: TableStage, thing: StageThing, photo: Photograph, camera: StageCamera) -> bool:
     """Whether a thing is on the mat, and does not just lie beside it."""
     place: list[float] = camera.place(photo.tags[thing.tag], thing.shape.height).mean(axis=0).tolist()
     ends = zip(place, (stage.x, stage.y), strict=True)

@@ -16,11 +16,11 @@ from scenegen.arrays import Array, Index
 from scenegen.errors import DataError
 from scenegen.errors.files import NOT_SCENES
 from scenegen.errors.worlds import NOT_A_SUITE
-from scenegen.play.stage.stage import Stage
+from scenegen.play.stage.stage import TableStage
 from scenegen.play.suites.suite import GradedStart, Suite
 from scenegen.scenes.formats.tables import read_table
 
-AWAY = 0.3  # metres: to fetch a thing or to put it away
+FETCH_DISTANCE = 0.3  # metres: to fetch a thing or to put it away
 SWEEPS_OF_ORDER = 30
 LEAST_GAIN = 1e-9  # metres
 
@@ -66,7 +66,7 @@ def read_order(path: Path, suite: Suite, allowed: Collection[int]) -> list[int]:
 
 def _travel(suite: Suite, starts: Sequence[GradedStart]) -> Array:
     """(S, S): from each start to each other."""
-    stage = Stage.of(suite)
+    stage = TableStage.from_suite(suite)
     places = np.full((len(stage.things), len(starts), 2), np.nan)
     for column, start in enumerate(starts):
         poses = start.task.scenes.poses[start.row]
@@ -76,7 +76,7 @@ def _travel(suite: Suite, starts: Sequence[GradedStart]) -> Array:
     for place in places:
         here = ~np.isnan(place[:, 0])
         apart = np.hypot(*(place[:, None] - place).transpose(2, 0, 1))
-        total += np.where(here[:, None] & here, apart, AWAY * (here[:, None] != here))
+        total += np.where(here[:, None] & here, apart, FETCH_DISTANCE * (here[:, None] != here))
     return total
 
 

@@ -13,7 +13,7 @@ from scenegen.arrays import Array
 from scenegen.geometry.footprint import measures
 from scenegen.needs import is_installed
 from scenegen.play.stage.camera import Photograph, StageCamera
-from scenegen.play.stage.stage import Stage, outline_at
+from scenegen.play.stage.stage import TableStage, outline_at
 from scenegen.play.suites.suite import GradedStart
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ RENDERED_SIZE = (640, 480)  # pixels
 
 
 def draw_overlay(
-    stage: Stage, start: GradedStart, photo: Photograph, camera: StageCamera, *, rendered: bool = True
+    stage: TableStage, start: GradedStart, photo: Photograph, camera: StageCamera, *, rendered: bool = True
 ) -> bytes:
     """A PNG: the picture with each object's outline on the table and at its top, its name, and the arrow of its
     heading; with `rendered` beside it the start in 3D, where pybullet is installed."""
@@ -45,7 +45,7 @@ def draw_overlay(
             draw.line(_pixels(camera, np.array([pose[:2], tip]), base), fill=BASE_COLOR, width=wide)
         draw.text(_pixels(camera, pose[None, :2], base)[0], start.objects[which], fill=BASE_COLOR, font_size=14 * wide)
     if rendered and is_installed("pybullet"):
-        picture = _beside(picture, _render(start))
+        picture = _join(picture, _render(start))
     sink = io.BytesIO()
     picture.save(sink, "PNG")
     return sink.getvalue()
@@ -66,7 +66,7 @@ def _render(start: GradedStart) -> Image.Image:
             return picture.convert("RGB")
 
 
-def _beside(picture: Image.Image, other: Image.Image) -> Image.Image:
+def _join(picture: Image.Image, other: Image.Image) -> Image.Image:
     """Two pictures, the second at the height of the first."""
     from PIL import Image
 

@@ -47,7 +47,7 @@ class Words:
 
 
 @dataclass(frozen=True, slots=True)
-class Drawing:
+class PaperDrawing:
     """Parts in metres, y upwards, within `low` and `high` (x, y) of each; `scale` is 1 for 1:1. `paper` is a name in
     PAPERS; `title` stands in the corner of each page."""
 
@@ -73,7 +73,7 @@ def fitting_scale(low: tuple[float, float], high: tuple[float, float], paper: st
     return 10.0 / max(10, *tenths)
 
 
-def write_pdf(drawings: Iterable[Drawing]) -> bytes:
+def write_pdf(drawings: Iterable[PaperDrawing]) -> bytes:
     """Raises RequestError where fpdf2 is missing."""
     need("fpdf", "for PDF files")
     from datetime import UTC, datetime
@@ -88,7 +88,7 @@ def write_pdf(drawings: Iterable[Drawing]) -> bytes:
     return bytes(pdf.output())
 
 
-def _pages(pdf: FPDF, drawing: Drawing) -> None:
+def _pages(pdf: FPDF, drawing: PaperDrawing) -> None:
     """A page, or as many as it takes."""
     ways = (PAPERS[drawing.paper], PAPERS[drawing.paper][::-1])
     tiles = [
@@ -118,7 +118,7 @@ def _pages(pdf: FPDF, drawing: Drawing) -> None:
             pdf.text(PAPER_EDGE, PAPER_EDGE - 3.0, _latin(title))
 
 
-def _draw(pdf: FPDF, drawing: Drawing, part: Stroke | Words, left: float, top: float) -> None:
+def _draw(pdf: FPDF, drawing: PaperDrawing, part: Stroke | Words, left: float, top: float) -> None:
     per_metre = 1000.0 * drawing.scale
 
     def on_paper(x: float, y: float) -> tuple[float, float]:

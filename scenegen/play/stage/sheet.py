@@ -7,25 +7,25 @@ from collections.abc import Iterator
 
 from scenegen.geometry.footprint import measures
 from scenegen.play.stage.mat import draw_grid
-from scenegen.play.stage.pdf import Drawing, Stroke, Words, fitting_scale
-from scenegen.play.stage.stage import Stage, outline_at
+from scenegen.play.stage.pdf import PaperDrawing, Stroke, Words, fitting_scale
+from scenegen.play.stage.stage import TableStage, outline_at
 from scenegen.play.suites.suite import GradedStart
 
 LETTER_HEIGHT = 0.0035  # metres on paper
 ARROW_HEAD = 0.003  # metres on paper
 
 
-def draw_start(stage: Stage, start: GradedStart, paper: str) -> Drawing:
+def draw_start(stage: TableStage, start: GradedStart, paper: str) -> PaperDrawing:
     """A page: as large as the paper allows, 1:1 at best."""
     room = stage.margin + 0.01
     low, high = (stage.x[0] - room, stage.y[0] - room), (stage.x[1] + room, stage.y[1] + room)
     scale = fitting_scale(low, high, paper)
     parts = [*draw_grid(stage), *_outlines(stage, start, scale)]
     title = f"episode {start.number}: {start.task.name}, {start.band}, 1:{1.0 / scale:.2g}. {start.task.instruction}"
-    return Drawing(low, high, parts, paper, title, scale)
+    return PaperDrawing(low, high, parts, paper, title, scale)
 
 
-def _outlines(stage: Stage, start: GradedStart, scale: float) -> Iterator[Stroke | Words]:
+def _outlines(stage: TableStage, start: GradedStart, scale: float) -> Iterator[Stroke | Words]:
     spec, letter = start.task.spec.checked, LETTER_HEIGHT / scale
     for which, pose in enumerate(start.task.scenes.poses[start.row]):
         thing = stage.thing(spec, which)
@@ -47,7 +47,7 @@ def _arrow(x: float, y: float, theta: float, length: float, head: float) -> Stro
     return Stroke([(x, y), tip, sides[0], tip, sides[1]], 0.2 * head)
 
 
-def write_card(stage: Stage, start: GradedStart) -> str:
+def write_card(stage: TableStage, start: GradedStart) -> str:
     """A line for each object: its place on the grid, and its heading where it has one, counter-clockwise from the right
     hand side of the mat."""
     spec = start.task.spec.checked

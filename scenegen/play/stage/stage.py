@@ -43,7 +43,7 @@ class StageThing:
 
 
 @dataclass(frozen=True, slots=True)
-class Stage:
+class TableStage:
     """The mat is the rectangle `x`, `y` of the workspaces with `margin` around, so that no object covers a tag; then
     tags of the side `tag`. Lines of the grid are multiples of `step`. All in metres."""
 
@@ -55,7 +55,7 @@ class Stage:
     things: tuple[StageThing, ...]
 
     @staticmethod
-    def of(suite: Suite, step: float = GRID_STEP) -> Stage:
+    def from_suite(suite: Suite, step: float = GRID_STEP) -> TableStage:
         """Raises RequestError for more things than tags, and for a step that is no grid."""
         if not GRID_STEPS[0] <= step <= GRID_STEPS[1]:
             wanted = "from {:g} to {:g} m".format(*GRID_STEPS)
@@ -70,7 +70,9 @@ class Stage:
         y = min(one.y[0] for one in spaces), max(one.y[1] for one in spaces)
         least, most = TAG_SIZES
         tag = min(max(_whole_cm(TAG_SHARE * max(x[1] - x[0], y[1] - y[0])), least), most)
-        return Stage(x, y, _whole_cm(max(measures(one.shape.footprint).outer for one in things)), tag, step, things)
+        return TableStage(
+            x, y, _whole_cm(max(measures(one.shape.footprint).outer for one in things)), tag, step, things
+        )
 
     @property
     def edge(self) -> float:

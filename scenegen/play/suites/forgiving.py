@@ -70,7 +70,7 @@ class Placing:
         checked = spec.checked
         core, rows = gate(checked.core), rows_of(checked, self._onto_grid(checked, scenes))
         ends = {**wanted, REQUIRE: (0.0, np.inf)}
-        kept = checked.workspace.contains(rows) & _within(core, rows, ends)
+        kept = checked.workspace.contains(rows) & _meet(core, rows, ends)
         reach = self._reach(checked)
         if reach.any():
             kept[kept] = _prove(core, rows[:, kept], reach, ends, checked.box(), budget)
@@ -98,7 +98,7 @@ class Placing:
         return reach
 
 
-EXACT = Placing()
+EXACT_PLACING = Placing()
 
 
 def join_scenes(parts: Sequence[SceneSet]) -> SceneSet:
@@ -111,7 +111,7 @@ def join_scenes(parts: Sequence[SceneSet]) -> SceneSet:
     return SceneSet(poses[which], phi, parts[0].header, on=np.concatenate(on)[which] if on else None, trusted=True)
 
 
-def _within(core: Core, rows: Array, wanted: Mapping[str, Bounds]) -> Bool:
+def _meet(core: Core, rows: Array, wanted: Mapping[str, Bounds]) -> Bool:
     """(B,): which scenes, (3M, B), have phi of labels where it is wanted."""
     phi = score(core, list(rows), NUMPY)
     good = np.ones(rows.shape[1], dtype=bool)
@@ -131,7 +131,7 @@ def _prove(
     for _ in range(TRIED_ERRORS):
         some = np.flatnonzero(good)
         there = rows[:, some] + reach[:, None] * rng.choice((-1.0, 1.0), (len(rows), len(some)))
-        good[some] = _within(core, _wrap(there), wanted)
+        good[some] = _meet(core, _wrap(there), wanted)
     for which in np.flatnonzero(good):
         if budget.is_spent:
             raise RequestError(NO_TIME_TO_CHECK())
@@ -153,7 +153,7 @@ def _prove_one(core: Core, scene: Array, reach: Array, wanted: Mapping[str, Boun
         proved = ((least >= low) & (most <= high)).all(axis=0)
         lowest, highest = lowest[:, ~proved], highest[:, ~proved]
         count += 2 * lowest.shape[1]
-        if count > MAX_PROOF_BOXES or not _within(core, _wrap((lowest + highest) / 2.0), wanted).all():
+        if count > MAX_PROOF_BOXES or not _meet(core, _wrap((lowest + highest) / 2.0), wanted).all():
             return False
         widest = np.array(cut)[((highest - lowest)[cut] * scale).argmax(axis=0)]
         columns = np.arange(lowest.shape[1])

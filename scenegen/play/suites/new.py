@@ -37,7 +37,7 @@ from scenegen.errors.requests import (
 from scenegen.lang.checker import check_file
 from scenegen.learn.success.files import BLANK_DIGEST
 from scenegen.learn.success.statistics import Z
-from scenegen.play.suites.forgiving import EXACT, Placing, join_scenes
+from scenegen.play.suites.forgiving import EXACT_PLACING, Placing, join_scenes
 from scenegen.play.suites.suite import NAME_PATTERN, SUITE_JSON, BandData, SuiteFile, TaskData, overlapping
 from scenegen.sampling.engine.engines import JobResult, run_each
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
@@ -86,7 +86,7 @@ def new_suite(
     seed: int = 0,
     success: str | None = None,
     start: str | None = None,
-    placing: Placing = EXACT,
+    placing: Placing = EXACT_PLACING,
     timeout: float = 600.0,
     workers: int | None = None,
     told: Told = lambda ended, done, count: None,
@@ -227,14 +227,14 @@ class _MakeTask:
     def _draw(self, spec: Spec, plan: TaskPlan, name: str, band: Range, rng: np.random.Generator) -> SceneSet:
         """The starts of a band. Raises RequestError where too few can be set as they should be."""
         chosen: list[SceneSet] = []
-        n, drawn = (self.n if self.placing == EXACT else max(MIN_CANDIDATES, self.n)), 0
+        n, drawn = (self.n if self.placing == EXACT_PLACING else max(MIN_CANDIDATES, self.n)), 0
         while drawn < MAX_CANDIDATES:
             request = SampleRequest(
                 {plan.success: band}, n, seed=int(rng.integers(1 << 53)), spread="base",
                 timeout=self.budget.seconds_left, workers=1,
             )  # fmt: skip
             part = draw_scenes(spec, request)[rng.permutation(n)]
-            if self.placing == EXACT:
+            if self.placing == EXACT_PLACING:
                 return part
             chosen.append(self.placing.keep(spec, part, {plan.success: band.ends}, self.budget))
             found, drawn, n = join_scenes(chosen), drawn + n, min(2 * n, MOST_AT_ONCE)
@@ -251,7 +251,7 @@ class _MakeTask:
         on = [part.on for part in parts if part.on is not None]
         request = RequestData(phi={}, n=self.n * len(bands), spread="base")
         sampler = {"method": "suite", "seed": self.seed, "bands": {one.name: list(one.phi) for one in bands}}
-        sampler |= {} if self.placing == EXACT else {"placing": str(self.placing)}
+        sampler |= {} if self.placing == EXACT_PLACING else {"placing": str(self.placing)}
         header = make_header(spec.checked, sampler, request)
         poses = np.concatenate([part.poses for part in parts])
         scenes = SceneSet(poses, phi, header, on=np.concatenate(on) if on else None, trusted=True)

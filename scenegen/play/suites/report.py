@@ -70,7 +70,7 @@ def report_suite(
     played = [(one, suites[one.header.reverse]) for one in read]
     title = f"Suite {suite.name}"
     about = f"{len(suite):,} starts: {len(suite.tasks)} tasks, {suite.n} of each band. Digest {suite.digest}."
-    tables = [*_shares(played), *_stood(played), *_differences(read), *_errors(read)]
+    tables = [*_shares(played), *_scenes_by_hand(played), *_differences(read), *_errors(read)]
     if out.suffix == ".md":
         write_whole(out, "\n".join([f"# {title}", "", about, *map(_markdown, tables)]).encode())
         return out
@@ -216,7 +216,7 @@ def _errors(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
     return [ReportTable("Errors", note, ("", "episodes", "what"), rows)] if rows else []
 
 
-def _stood(played: Sequence[tuple[SuiteOutcomes, Suite]]) -> list[ReportTable]:
+def _scenes_by_hand(played: Sequence[tuple[SuiteOutcomes, Suite]]) -> list[ReportTable]:
     """What stood there where people set the starts."""
     rows = []
     for one, suite in played:

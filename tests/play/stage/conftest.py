@@ -2,7 +2,7 @@
 
 import pytest
 
-from scenegen.play.stage.stage import Stage
+from scenegen.play.stage.stage import TableStage
 from scenegen.play.suites.suite import Suite
 
 
@@ -13,4 +13,4 @@ def suite():
 
 @pytest.fixture(scope="session")
 def stage(suite):
-    return Stage.of(suite)
+    return TableStage.from_suite(suite)

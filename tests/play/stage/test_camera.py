@@ -45,7 +45,7 @@ def plain(draw):
 
 def refusal(stage, start, picture):
     with pytest.raises(DataError) as caught:
-        photo = Photograph.of(picture, "p.jpg")
+        photo = Photograph.from_picture(picture, "p.jpg")
         poses_by_tags(stage, start, photo, find_camera(stage, photo))
     (wrong,) = caught.value.diagnostics
     return wrong.text("title")
@@ -53,7 +53,7 @@ def refusal(stage, start, picture):
 
 def test_objects_within_three_millimetres_and_a_degree(stage, scene, plain):
     start, poses = scene
-    photo = Photograph.of(plain[0], "p.jpg")
+    photo = Photograph.from_picture(plain[0], "p.jpg")
     for lens in (None, Lens(plain[1].matrix, plain[1].distortion)):
         camera = find_camera(stage, photo, lens)
         off = poses_by_tags(stage, start, photo, camera) - poses
@@ -99,7 +99,7 @@ def test_the_wrong_object_and_a_missing_tag(stage, scene, draw):
 def test_tags_of_the_mat_that_are_covered(stage, scene, draw):
     start, poses = scene
     assert "2 of the 4 tags of the mat; missing: 1, 3" in refusal(stage, start, draw(covered=(1, 3))[0])
-    photo = Photograph.of(draw(covered=(1,))[0], "p.jpg")
+    photo = Photograph.from_picture(draw(covered=(1,))[0], "p.jpg")
     off = poses_by_tags(stage, start, photo, find_camera(stage, photo)) - poses
     assert np.hypot(*off[:, :2].T).max() < 0.003, "three are enough"
 
@@ -130,7 +130,7 @@ def test_the_overlay_is_drawn_where_outlines_are_seen(stage, scene, plain):
     from PIL import Image
 
     start, _ = scene
-    photo = Photograph.of(plain[0], "p.jpg")
+    photo = Photograph.from_picture(plain[0], "p.jpg")
     camera = find_camera(stage, photo)
     data = draw_overlay(stage, start, photo, camera, rendered=False)
     drawn = np.asarray(Image.open(io.BytesIO(data))).astype(int)

@@ -8,7 +8,7 @@ import pytest
 from scenegen.errors import DataError
 from scenegen.play.stage.check import band_at, check_poses, margins_at, scene_of
 from scenegen.play.stage.measure import check_ruler, check_table, measure_poses
-from scenegen.play.stage.stage import Stage
+from scenegen.play.stage.stage import TableStage
 from scenegen.play.suites.suite import Suite
 
 
@@ -119,5 +119,5 @@ def test_a_printer_that_shrinks_by_its_ruler():
 
 
 def test_the_mat_of_a_suite_of_one_task_is_its_own(root):
-    small = Stage.of(Suite.load(root / "tests" / "golden" / "play" / "suites" / "small"))
+    small = TableStage.from_suite(Suite.load(root / "tests" / "golden" / "play" / "suites" / "small"))
     assert small.margin == 0.02 and [one.name for one in small.things] == ["a", "b"]

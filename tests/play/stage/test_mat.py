@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from scenegen.errors import RequestError
-from scenegen.play.stage.pdf import PAPER_EDGE, PAPERS, Drawing, Stroke, write_pdf
+from scenegen.play.stage.pdf import PAPER_EDGE, PAPERS, PaperDrawing, Stroke, write_pdf
 from scenegen.play.stage.sheet import draw_start, write_card
-from scenegen.play.stage.stage import Stage, outline_at
+from scenegen.play.stage.stage import TableStage, outline_at
 
 MM = 25.4 / 72.0
 NUMBER = rb"(-?[\d.]+)"
@@ -51,7 +51,7 @@ def test_lengths_read_back_from_the_file(stage):
 def test_tiles_continue_each_other():
     pytest.importorskip("fpdf")
     line = Stroke([(0.0, 0.1), (0.5, 0.1)])
-    pages = pages_of(write_pdf([Drawing((0.0, 0.0), (0.5, 0.15), [line], "a4", "long")]))
+    pages = pages_of(write_pdf([PaperDrawing((0.0, 0.0), (0.5, 0.15), [line], "a4", "long")]))
     room = PAPERS["a4"][1] - 2.0 * PAPER_EDGE
     ends = [next(one for one in page if len(one) == 2 and np.ptp(one[:, 1]) == 0.0)[:, 0] for page in pages]
     assert len(ends) == 2 and ends[0] - ends[1] == pytest.approx([room, room], abs=0.1)
@@ -91,5 +91,5 @@ def test_every_thing_has_a_tag_that_fits_on_it(stage, suite):
 
 def test_a_step_that_is_no_grid(suite):
     with pytest.raises(RequestError) as caught:
-        Stage.of(suite, 0.0)
+        TableStage.from_suite(suite, 0.0)
     assert "out-of-range" in str(caught.value.diagnostics[0].kind.code)

@@ -5,7 +5,7 @@ import pytest
 
 from scenegen.errors import RequestError
 from scenegen.play.stage.check import margins_at
-from scenegen.play.suites.forgiving import EXACT, Placing, join_scenes
+from scenegen.play.suites.forgiving import EXACT_PLACING, Placing, join_scenes
 from scenegen.play.suites.new import new_suite
 from scenegen.play.suites.suite import Suite, check_suite
 from scenegen.search.effort import Budget
@@ -69,7 +69,7 @@ def test_scenes_on_the_grid_are_still_what_they_should_be(suite):
 
 def test_exact_starts_stay_as_they_are(suite):
     task, scenes = starts_of(suite, "turn")
-    kept = EXACT.keep(task.spec, scenes, {task.success: WIDE["turn"]}, Budget(60.0))
+    kept = EXACT_PLACING.keep(task.spec, scenes, {task.success: WIDE["turn"]}, Budget(60.0))
     assert np.array_equal(kept.poses, scenes.poses) and len(join_scenes([kept, kept])) == len(kept)
 
 

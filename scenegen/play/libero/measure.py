@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -113,6 +114,7 @@ class LiveModel:
 
         self.mj: Any = mujoco
         self.env: Any = env.env if hasattr(getattr(env, "env", None), "parsed_problem") else env
+        self.task = Path(str(getattr(self.env, "bddl_file_name", ""))).stem  # "" where it is not LIBERO's
         self.sim: Any = self.env.sim
         self.model: Any = self.sim.model._model
         self.data: Any = self.sim.data._data

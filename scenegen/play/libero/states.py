@@ -65,7 +65,7 @@ class SettledStates:
     def save(self, path: str | Path) -> Path:
         """Write the states as LIBERO has them (`TASK.pruned_init`), and `TASK.pruned_init.npz` with the fixtures, too;
         each file appears whole or not at all. Raises OutputError, and RequestError where torch is not installed."""
-        return write_states(as_path("path", path), self.states, self.spec.live.fixed)
+        return write_states(as_path("path", path), self.states, self.spec.live.fixed, self.spec.live.task)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,7 +153,11 @@ def set_scene(env: Any, path: str | Path, row: int) -> Any:
     there."""
     path = Path(f"{str(as_path('path', path)).removesuffix('.npz')}.npz")
     found, live = read_packed(path), LiveModel(env)
+    task = str(found.pop("task", live.task))
     states, poses = found.pop("states"), {name.removeprefix(FIXTURE_PREFIX): pose for name, pose in found.items()}
+    if task != live.task:
+        value, wanted = f"{path}, which has states of {task}", f"a file of the environment's task, {live.task}"
+        raise RequestError(WRONG_VALUE(argument="path", value=value, wanted=wanted))
     if states.shape[1:] != env.get_sim_state().shape or poses.keys() != {*live.fixtures}:
         wanted = "states with fixtures of this task, as `scenegen libero` writes them"
         raise RequestError(WRONG_VALUE(argument="path", value=str(path), wanted=wanted))

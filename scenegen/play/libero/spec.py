@@ -46,8 +46,9 @@ class EnvironmentSpec:
 
     `origin` is the spec's (0, 0) on the ground in the world, in metres; `prisms` and `attitudes` (quaternions w, x, y,
     z at heading 0) are those of the things that move; `sliders` the joints by object of the spec: its x is the joint
-    times its lever; `facts` the initial facts; `tight` the sites of fixtures at which the goal has
-    things; `ends` (K, 7) poses of fixtures in the world, at the ends of the regions in which resets put them.
+    times its lever; `facts` the initial facts; `moved` the things that the goal puts somewhere; `tight` the sites of
+    fixtures at which it has things; `ends` (K, 7) poses of fixtures in the world, at the ends of the regions in which
+    resets put them.
     """
 
     text: str
@@ -58,6 +59,7 @@ class EnvironmentSpec:
     attitudes: Mapping[str, Array]
     sliders: Mapping[str, Part]
     facts: tuple[Fact, ...]
+    moved: frozenset[str]
     tight: Mapping[str, str]
     ends: Mapping[str, Array]
 
@@ -82,8 +84,19 @@ def spec_of(env: Any, more: str = "", *, anywhere: bool = True) -> EnvironmentSp
     text = (maker.text() if task else _plain(live, origin, prisms, samplers)) + (f"\n{more.strip()}\n" if more else "")
     attitudes = {name: attitude for name, (attitude, _) in stand.items()}
     spec = parse(text, "the environment's spec")
-    facts = tuple(maker.facts)
-    return EnvironmentSpec(text, spec, live, origin, prisms, attitudes, maker.sliders, facts, maker.tight, maker.ends)
+    return EnvironmentSpec(
+        text,
+        spec,
+        live,
+        origin,
+        prisms,
+        attitudes,
+        maker.sliders,
+        tuple(maker.facts),
+        frozenset(maker.moved),
+        maker.tight,
+        maker.ends,
+    )
 
 
 def _samplers(env: Any) -> list[Any]:

@@ -96,9 +96,10 @@ def init_states(
     the initial facts have them, unless the range of `start` is given. Things settle for `settle` seconds at most, while
     the arm is held. A state is kept if `accept`, by default the environment's `check_success`, agrees with the sign of
     phi, at once and after 20 steps of the environment's own, if nothing moves or touches the robot, and if the initial
-    facts hold, to 1 cm. `spec` is what `spec_of` made of the environment since its last reset; it is made where none is
-    given. It needs a label `goal`. At most ten scenes for each state are drawn, and 174 in vain: there can be fewer
-    states than n. The same seed gives the same states.
+    facts hold, to 1 cm; where phi of `start` may be below 0, without those of what the goal moves. `spec` is what
+    `spec_of` made of the environment since its last reset; it is made where none is given. It needs a label `goal`. At
+    most ten scenes for each state are drawn, and 174 in vain: there can be fewer states than n. The same seed gives the
+    same states.
 
     Raises RequestError, also where no scene has such a phi.
     """
@@ -114,7 +115,8 @@ def init_states(
     if missing and "start" in own.spec.labels:
         ranges = {"start": Range(0.0), **ranges}
     judge = accept or getattr(env, "check_success", None) or env._check_success
-    maker = _Maker(env, own, lambda: bool(judge()), as_seconds("settle", settle), missing)
+    facts = _facts(own, ranges) if missing else ()
+    maker = _Maker(env, own, lambda: bool(judge()), as_seconds("settle", settle), missing, facts)
     verdicts: list[_Verdict] = []
     good: list[tuple[_Verdict, Start]] = []
     side = None
@@ -146,6 +148,12 @@ def init_states(
     )
 
 
+def _facts(own: EnvironmentSpec, ranges: Mapping[str, Range]) -> tuple[Fact, ...]:
+    """The initial facts that starts keep: without those of what the goal moves where `start` may be below 0."""
+    anywhere = "start" in ranges and (ranges["start"].low is None or ranges["start"].low < 0.0)
+    return tuple(fact for fact in own.facts if not (anywhere and fact[1] in own.moved))
+
+
 def set_scene(env: Any, path: str | Path, row: int) -> Any:
     """Put an environment of LIBERO's, which has been reset, into a state of a file `TASK.pruned_init.npz` exactly as it
     was made: the fixtures too, which no state has. Gives the observation, as `set_init_state` does. Raises DataError
@@ -170,7 +178,9 @@ def set_scene(env: Any, path: str | Path, row: int) -> Any:
 class _Maker:
     """Puts scenes into an environment, lets them settle, and judges them."""
 
-    def __init__(self, env: Any, own: EnvironmentSpec, judge: Judge, settle: float, missing: bool) -> None:
+    def __init__(
+        self, env: Any, own: EnvironmentSpec, judge: Judge, settle: float, missing: bool, facts: tuple[Fact, ...]
+    ) -> None:
         self.env, self.own, self.live, self.judge, self.missing = env, own, own.live, judge, missing
         self.model, self.data = own.live.model, own.live.data
         self.settle = round(settle / float(self.model.opt.timestep))
@@ -181,10 +191,9 @@ class _Maker:
         most = max(map(len, own.ends.values()), default=0)
         self.elsewhere = [{name: one[k % len(one)] for name, one in own.ends.items()} for k in range(most)]
         self.second = round(CONTROL_STEPS * own.live.env.control_timestep / float(self.model.opt.timestep))
-        self.broken: set[Fact] = set()  # initial facts that the environment's own reset does not keep
         self.restore()
         self.step()
-        self.broken = {one for one in own.facts if not self.keeps(one)}
+        self.facts = [one for one in facts if self.keeps(one)]  # without those that the environment's own reset breaks
 
     def _is_ours(self, joint: int) -> bool:
         return self.live.owners[int(self.model.jnt_bodyid[joint])] in self.live.things
@@ -359,11 +368,11 @@ class _Maker:
         return phi_at(own.spec, start, found)
 
     def keeps_all(self) -> bool:
-        return not self.missing or all(map(self.keeps, self.own.facts))
+        return all(map(self.keeps, self.facts))
 
     def keeps(self, fact: Fact) -> bool:
         """Whether an initial fact holds: of a region of the table to 1 cm, of all else as the environment says."""
-        if fact in self.broken or (fact[0] in PLACE_PREDICATES and fact[1] not in self.live.movers):
+        if fact[0] in PLACE_PREDICATES and fact[1] not in self.live.movers:
             return True
         ranges = self.live.env.parsed_problem["regions"].get(fact[-1], {}).get("ranges")
         if fact[0] not in PLACE_PREDICATES or not ranges:
@@ -399,7 +408,7 @@ def _quarters() -> list[Array]:
 def settled_scenes(env: Any, own: EnvironmentSpec, settle: float = 1.0) -> Callable[[Array], Array]:
     """A function that puts the poses (N, 7) of a scene of the environment's spec into LIBERO's environment, and gives
     the state (D,) in which the things have settled, for `settle` seconds at most, judged by nothing."""
-    maker = _Maker(env, own, lambda: bool(env.check_success()), settle, True)
+    maker = _Maker(env, own, lambda: bool(env.check_success()), settle, True, ())
 
     def state(poses: Array) -> Array:
         maker.put(poses, None)

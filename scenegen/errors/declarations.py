@@ -88,6 +88,32 @@ SIZE_OUT_OF_RANGE = Kind(
         "the limit is {limit:,.0f} m",
     ),
 )
+WRONG_CAMERA = Kind(
+    "wrong-camera",
+    (
+        "{place:?}{place} of a camera is a point in space",
+        "{angle:?}a camera cannot have a field of view of {angle:g} deg",
+        "{ratio:?}no picture is {ratio:g} times as wide as high",
+        "{thing:?}the camera is inside of `{thing}`",
+        "{below:?}the camera is not above the table",
+        "the camera looks at its own place",
+    ),
+    ("{place:?}expected three coordinates", "{angle:?}", "{ratio:?}", "{thing:?}", "{below:?}", "the eye is here, too"),
+    (
+        "{place:?}write (x, y, z); z is the height above the table: (0.5, -0.6, 0.7)",
+        "{angle:?}it is the angle of the picture's height, more than 0 and less than 180 deg: fov 60 deg",
+        "{ratio:?}write width:height, such as 4:3; neither is more than {most:g} times the other",
+        "{thing:?}let it look from outside, or move `{thing}`",
+        "{below:?}heights are above the table: at (0.5, -0.6, 0.7)",
+        "let it look at the table: looks at (0.5, 0.5, 0)",
+    ),
+)
+WRONG_SHARES = Kind(
+    "wrong-shares",
+    ("{share:?}{share:g} is no share of a silhouette", "no share is {least:g} % or more and {most:g} % or less"),
+    "",
+    ("{share:?}shares lie between 0 % and 100 %", "write the smaller share first"),
+)
 WRONG_CORNERS = Kind(
     "wrong-corners",
     (

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from scenegen.geometry import clearance
+from scenegen.geometry import clearance, share, shadow
 from scenegen.geometry import interval as iv
 from scenegen.geometry.interval import Interval, Rule
 from scenegen.geometry.namespace import Namespace
@@ -63,6 +63,7 @@ _UNITS: dict[str, tuple[float, float, Unit]] = {
     "rad": (1.0, 1.0, ANGLE),
     "deg": (math.pi, 180.0, ANGLE),
     "turn": (2.0 * math.pi, 1.0, ANGLE),
+    "%": (1.0, 100.0, BARE),
     "s": (1.0, 1.0, TIME),
     "ms": (1.0, 1000.0, TIME),
     "min": (60.0, 1.0, TIME),
@@ -139,6 +140,7 @@ class Primitive:
     `exact`: all namespaces round it alike;
     `monotone`: it grows with each argument;
     `slopes`: it is linear (quantifiers over many numbers take longer);
+    `crowd`: it takes any number of things more; each of them has as many parameters as this, the last ones (an error);
     `drawn` (of places): how a picture shows its value: a line between centres, across the gap, out to the rim of what
     contains; a turn; or, as an edge, with the place that it is added to (no picture).
     """
@@ -161,7 +163,14 @@ class Primitive:
     exact: bool = False
     monotone: bool = False
     slopes: Slopes | None = None
+    crowd: int = 0
     drawn: Literal["", "centres", "gap", "room", "turn", "edge"] = ""
+
+    def kinds(self, shapes: int) -> tuple[Shape, ...]:
+        """What the arguments are where so many of them are footprints."""
+        if not self.crowd:
+            return self.params
+        return self.params + self.params[-self.crowd :] * (shapes - self.params.count("footprint"))
 
     @property
     def spatial(self) -> bool:
@@ -235,6 +244,7 @@ def _same_slopes(values: Sequence[float | None]) -> Sequence[float]:
     return [1.0] * len(values)
 
 
+_BODY: tuple[Shape, ...] = ("footprint", "number", "number")
 _ONE: tuple[Shape, ...] = ("number",)
 _TWO: tuple[Shape, ...] = ("number", "number")
 _PLACES: tuple[Shape, ...] = ("place", "place")
@@ -320,6 +330,17 @@ PRIMITIVES: dict[str, Primitive] = {
         Primitive(
             "bearing", _PLACES, clearance.bearing, iv.bearing, lambda a, b: ANGLE,
             "direction of b seen from a, an angle in (-pi, pi]; 0 where they coincide", relative=True,
+        ),
+        Primitive(
+            "shadowGap", (*_FOOTPRINTS, "place", *_TWO), shadow.shadow_gap, shadow.shadow_interval,
+            lambda a, b, eye, first, last: LENGTH,
+            "clearance of a footprint and the shadow of another one, cast from a place: the hull of its enlarged copies",
+            hidden=True, backward=shadow.back_shadow, smooth=True,
+        ),
+        Primitive(
+            "visibleShare", (*_BODY, *["number"] * share.CAMERA, *_BODY, "number"), share.visible_share,
+            share.share_interval, lambda *units: BARE, "share of a body's silhouette that no nearer body covers",
+            hidden=True, backward=share.back_share, crowd=len(_BODY) + 1,
         ),
     )
 }  # fmt: skip

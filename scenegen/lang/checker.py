@@ -27,6 +27,7 @@ from scenegen.lang.check.names import find_unused, resolve
 from scenegen.lang.check.objects import canonical, categories, name_objects, pose, shape, unlikely
 from scenegen.lang.check.regions import areas, level_clash, workspace
 from scenegen.lang.check.scope import LABEL, Declared, collect, prelude
+from scenegen.lang.check.sight import camera, camera_clash
 from scenegen.lang.check.supports import (
     choices,
     clashing,
@@ -199,6 +200,14 @@ def place_regions(draft: Draft) -> None:
         draft.problems.extend(level_clash(lowering, regions))
 
 
+def place_cameras(draft: Draft) -> None:
+    for declared in draft.scope.cameras.values():
+        if draft.problems.full:
+            break
+        with draft.problems:
+            draft.lowering.cameras[declared.name.id] = camera(draft.lowering, declared)
+
+
 def stand_objects(draft: Draft) -> None:
     """What objects stand on, how high that is, the boxes of their centres, and what it requires."""
     if draft.problems:
@@ -241,6 +250,12 @@ def stand_objects(draft: Draft) -> None:
         with draft.problems:
             draft.standing = standing_on(lowering, lowering.supports, spans)
         draft.space = space
+
+
+def clear_cameras(draft: Draft) -> None:
+    """No camera is inside of an object that does not move."""
+    if not draft.problems and draft.scope.cameras:
+        draft.problems.extend(camera_clash(draft.lowering, draft.fixed))
 
 
 def check_constants(draft: Draft) -> None:
@@ -453,7 +468,9 @@ PASSES: tuple[Pass, ...] = (
     shape_objects,
     refuse,
     place_regions,
+    place_cameras,
     stand_objects,
+    clear_cameras,
     check_constants,
     lower_formulas,
     check_uncalled,
@@ -500,6 +517,7 @@ def _spec(draft: Draft) -> CheckedSpec:
         ),
         draft.timed,
         drawn,
+        cameras=tuple(lowering.cameras.values()),
     )
 
 

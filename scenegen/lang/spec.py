@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from scenegen.lang.formula.timed import Timed
 
 Pose = tuple[float, float, float]
+Space = tuple[float, float, float]  # x, y, z
+
+LEVEL = 1e-9  # of a direction of length 1: less of it along the table counts as none
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +37,39 @@ class Region:
     footprint: Footprint
     pose: Pose
     height: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class SpecCamera:
+    """A camera of a spec: where it is and the point that it looks at, (x, y, z) in metres above the table; the angle of
+    its picture's height, in radians, and the picture's width over its height. Its lower and upper side are level."""
+
+    name: str
+    eye: Space
+    target: Space
+    field: float
+    aspect: float
+
+    @property
+    def forward(self) -> Space:
+        """The direction in which it looks, of length 1."""
+        x, y, z = (there - here for here, there in zip(self.eye, self.target, strict=True))
+        length = math.sqrt(x * x + y * y + z * z)
+        return x / length, y / length, z / length
+
+    @property
+    def ahead(self) -> tuple[float, float]:
+        """The level direction in which it looks, of length 1; straight up or down, the one that is up in its picture of
+        the table: y."""
+        x, y, _ = self.forward
+        level = math.hypot(x, y)
+        return (x / level, y / level) if level > LEVEL else (0.0, 1.0)
+
+    @property
+    def slope(self) -> tuple[float, float]:
+        """Sine and cosine of the angle by which it looks down."""
+        x, y, z = self.forward
+        return -z, math.hypot(x, y)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +158,7 @@ class CheckedSpec:
     timed: Timed | None = None
     counts: tuple[Count, ...] = ()
     members: tuple[CheckedSpec, ...] = ()
+    cameras: tuple[SpecCamera, ...] = ()
     phi_bounds: dict[str, tuple[float, float]] = field(init=False, default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:

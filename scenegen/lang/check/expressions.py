@@ -35,10 +35,12 @@ from scenegen.lang.check.heights import height_function, index, member
 from scenegen.lang.check.lowering import Environment, Lowering
 from scenegen.lang.check.names import bind
 from scenegen.lang.check.quantifiers import quantify
-from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, STEPS, Declared
+from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, SIGHT, STEPS, Declared
+from scenegen.lang.check.sight import check_shares, sight_function
 from scenegen.lang.check.values import (
     AnyValue,
     CallFrame,
+    CameraValue,
     FormulaValue,
     ListValue,
     NumberValue,
@@ -71,6 +73,9 @@ def refer(lowering: Lowering, node: ast.Name, env: Mapping[str, Value], frame: C
                 tuple(RegionValue(name, lowering.areas[name], origin=origin) for name in names), origin=origin
             )
         return RegionValue(node.id, lowering.areas[node.id], origin=origin)
+    if node.id in lowering.cameras:
+        lowering.used.add(node.id)
+        return CameraValue(lowering.cameras[node.id], origin=origin)
     if node.id not in lowering.values:
         declared = lowering.scope.constants.get(node.id) or lowering.scope.labels[node.id]
         (expr,) = ast.expressions(declared.statement)
@@ -114,6 +119,8 @@ def call(lowering: Lowering, node: ast.Call, env: Mapping[str, Value], frame: Ca
         return _expand(lowering, declared, values, node, frame)
     if name in HEIGHTS:
         return height_function(lowering, name, list(values.values()), node, frame)
+    if name in SIGHT:
+        return sight_function(lowering, name, list(values.values()), node, frame)
     if name in STEPS:
         return step_function(lowering, name, values, node, frame)
     if name in LIST_FUNCTIONS:
@@ -159,6 +166,8 @@ def _expand(
             values[parameter.name.id] = value.moved(value.origin)
     if definition.name.id in OF_SUPPORT and declared.source is lowering.scope.prelude:
         note_elsewhere(lowering, definition.name.id, values, node, frame)
+    if definition.name.id == "visible" and declared.source is lowering.scope.prelude:
+        check_shares(lowering, values["least"], values["most"], node, frame)
     ordered = [values[parameter.name.id] for parameter in definition.parameters]
     key = (declared, *map(key_of, ordered))
     if key not in lowering.expansions:

@@ -29,6 +29,7 @@ from scenegen.lang.check.values import (
     MAX_NOTED_VARIABLES,
     Area,
     CallFrame,
+    CameraValue,
     ChosenValue,
     Coercion,
     ListValue,
@@ -41,7 +42,7 @@ from scenegen.lang.check.values import (
 )
 from scenegen.lang.formula.builder import CoreBuilder, DependsOnRound, FormulaTooLarge
 from scenegen.lang.formula.timed import Horizon
-from scenegen.lang.spec import Support, SurfaceChoice
+from scenegen.lang.spec import SpecCamera, Support, SurfaceChoice
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.tokens import UNITS_OF_TIME
 from scenegen.pose import TWO_PI
@@ -103,6 +104,7 @@ class Lowering(ABC):
         self.used: set[str] = set()  # definitions, constants and regions that something used
         self.areas: dict[str, Area] = {}
         self.space = Workspace()
+        self.cameras: dict[str, SpecCamera] = {}
         self.levels: dict[str, int] = {}  # how many regions stand under the name of several
         self.shapes: Sequence[Shape] = ()  # of the objects
         self.supports: Mapping[int, Support] = {}  # what objects were declared to stand on
@@ -242,6 +244,8 @@ class Lowering(ABC):
                 return self.builder.objects[place]
             case RegionValue(name, _):
                 return name
+            case CameraValue(camera):
+                return camera.name
             case SurfaceValue(place, surface):
                 return f"{self.builder.objects[place]}.{surface.name}"
             case ChosenValue(chooser, _):

@@ -72,6 +72,13 @@ def _statement(one: SourcedStatement, scope: Scope) -> Iterator[Diagnostic]:
         for expr in (*statement.levels, *(() if statement.count is None else (statement.count,))):
             yield from _expression(expr, set(), scope, source, True)
         return
+    if isinstance(statement, ast.Camera):
+        for place in (statement.eye, statement.target):
+            for part in place.coordinates if isinstance(place, ast.Point) else (place,):
+                yield from _expression(part, set(), scope, source, True)
+        for expr in (statement.field, statement.width, statement.height):
+            yield from _expression(expr, set(), scope, source, True)
+        return
     bound: set[str] = set()
     if isinstance(statement, ast.Definition):
         yield from _parameters(statement, source)
@@ -269,7 +276,7 @@ def _arity(signature: Signature, given: int) -> dict[str, Any]:
 def _cycles(scope: Scope) -> Iterator[Diagnostic]:
     """Constants, definitions and labels that are defined by themselves, one diagnostic per circle. The prelude has no
     circles of its own, so of its definitions only those that the spec uses are looked at."""
-    groups = (scope.constants, scope.regions, scope.definitions, scope.replaced, scope.labels)
+    groups = (scope.constants, scope.regions, scope.cameras, scope.definitions, scope.replaced, scope.labels)
     state: dict[Declared, int] = {}  # 1 under way, 2 done
     for start in (declared for group in groups for declared in group.values()):
         if start in state or start.source is scope.prelude:
@@ -337,9 +344,9 @@ def find_unused(
                     if parameter.name.id not in inside:
                         here, reason = parameter.name.span(one.source), f"the body of `{name.id}` has none"
                         out.append(UNUSED_NAME(here, kind="parameter", name=parameter.name.id, reason=reason))
-            case ast.Constant(name) | ast.Region(name):
+            case ast.Constant(name) | ast.Region(name) | ast.Camera(name):
                 if name.id not in by_anything:
-                    kind = "constant" if isinstance(one.statement, ast.Constant) else "region"
+                    kind = type(one.statement).__name__.lower()
                     out.append(
                         UNUSED_NAME(name.span(one.source), kind=kind, name=name.id, reason="nothing mentions it")
                     )
@@ -359,6 +366,8 @@ def _hidden_names(name: ast.Name, kind: str, scope: Scope, source: Source) -> It
         what = "a constant"
     elif name.id in scope.regions:
         what = "a region"
+    elif name.id in scope.cameras:
+        what = "a camera"
     elif name.id in scope.labels:
         what = "a label"
     else:

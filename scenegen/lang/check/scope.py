@@ -45,7 +45,7 @@ class Declared:
 
     source: Source
     name: ast.Name
-    statement: ast.Constant | ast.Definition | ast.Label | ast.Region
+    statement: ast.Constant | ast.Definition | ast.Label | ast.Region | ast.Camera
 
     @property
     def span(self) -> Span:
@@ -80,6 +80,7 @@ class Scope:
     definitions: dict[str, Declared] = field(default_factory=dict)
     labels: dict[str, Declared] = field(default_factory=dict)
     regions: dict[str, Declared] = field(default_factory=dict)
+    cameras: dict[str, Declared] = field(default_factory=dict)
     things: dict[str, DeclaredObject] = field(default_factory=dict)
     objects: dict[str, int] = field(default_factory=dict)
     arrays: dict[str, range] = field(default_factory=dict)
@@ -91,15 +92,16 @@ class Scope:
 
     def values(self) -> set[str]:
         """Names that stand for something by themselves."""
-        return {*self.things, *self.constants, *self.labels, *self.regions, *BUILT_IN}
+        return {*self.things, *self.constants, *self.labels, *self.regions, *self.cameras, *BUILT_IN}
 
     def knows(self, name: str) -> bool:
         """Whether a name stands for something by itself."""
         return self.declared(name) is not None or name in self.things or name in BUILT_IN
 
     def declared(self, name: str) -> Declared | None:
-        """The constant, region or label of that name."""
-        return self.constants.get(name) or self.regions.get(name) or self.labels.get(name)
+        """The constant, region, camera or label of that name."""
+        one = self.constants.get(name) or self.regions.get(name) or self.cameras.get(name)
+        return one or self.labels.get(name)
 
     def functions(self) -> set[str]:
         return {*self.definitions, *signatures(self.timed)}
@@ -163,12 +165,22 @@ HEIGHTS = {
     "load": "the centre of mass of a and all that stands on it, as a point",
 }
 
+SIGHT = {
+    "hiders": "what can hide a from a camera, as a list: all other objects, without what a stands on",
+    "viewRoom": "how far a's body is inside what a camera pictures, to the nearest side of that; metres",
+    "shadowGap": "the clearance of a and what b hides from a camera; where b hides some of a, by how far; metres",
+    "visibleShare": "the share of a's silhouette, seen from a camera, that nothing nearer covers; 1 is all of it, "
+    "and beyond that 0.1 more for each centimetre to the nearest shadow",
+}
+
 # What the prelude says of heights, and the functions for it, came late: a spec may use these names for definitions of
 # its own. The prelude itself goes on with its own.
 REPLACEABLE = (
     *HEIGHTS,
     *("restsOn", "insideOf", "stackedOn", "stacked", "atLevel", "underneath", "supported", "stable"),
     *("reachableFromAbove", "noCollision"),
+    *SIGHT,
+    *("inView", "unhidden", "visible"),
 )
 
 
@@ -206,6 +218,9 @@ def signatures(timed: bool = False) -> Mapping[str, Signature]:
         table[name] = Signature(name, ("items",), 1, usage=f"{name}(items)")
     for name in HEIGHTS:
         names = ("a", "b") if name == "apart" else ("items",) if name == "bodies" else ("a",)
+        table[name] = Signature(name, names, len(names), usage=f"{name}({', '.join(names)})")
+    for name in SIGHT:
+        names = ("a", "b", "camera") if name == "shadowGap" else ("a",) if name == "hiders" else ("a", "camera")
         table[name] = Signature(name, names, len(names), usage=f"{name}({', '.join(names)})")
     table["surfaces"] = Signature("surfaces", ("a", "upper"), 1, usage="surfaces(a, upper)")
     table["others"] = Signature("others", ("a", "items"), 1, usage="others(a, items = objects)")
@@ -268,6 +283,8 @@ def _names(statement: ast.Statement) -> Iterator[tuple[str, ast.Name, ast.Declar
                 yield "object", one.name, one
         case ast.Region(name, _):
             yield "region", name, statement
+        case ast.Camera(name):
+            yield "camera", name, statement
         case ast.Constant(name, _):
             yield "constant", name, statement
         case ast.Definition(name, _, _):
@@ -292,6 +309,8 @@ def _declare(scope: Scope, source: Source, name: ast.Name, node: ast.Declaration
             scope.labels[name.id] = Declared(source, name, node)
         case ast.Region():
             scope.regions[name.id] = Declared(source, name, node)
+        case ast.Camera():
+            scope.cameras[name.id] = Declared(source, name, node)
         case _:
             return
 
@@ -328,7 +347,7 @@ def _infer_objects(source: Source, placed: Sequence[SourcedStatement], bare: ast
             roots.extend((one.source, expr, bound) for expr in ast.expressions(one.statement))
     if bare is not None:
         roots.append((source, bare, frozenset()))
-    known = {*scope.constants, *scope.labels, *scope.regions, *BUILT_IN}
+    known = {*scope.constants, *scope.labels, *scope.regions, *scope.cameras, *BUILT_IN}
     for where, root, bound in roots:
         for node, visible in ast.walk(root, bound):
             if isinstance(node, ast.Name) and node.id not in known and node.id not in visible:

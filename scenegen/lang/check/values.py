@@ -16,7 +16,7 @@ from scenegen.geometry.primitives import BARE, LENGTH, Unit
 from scenegen.geometry.workspace import BOARD, Workspace
 from scenegen.lang.check.scope import NO_NUMBERS, Scope
 from scenegen.lang.formula.builder import TRUE, CoreBuilder
-from scenegen.lang.spec import Pose
+from scenegen.lang.spec import Pose, SpecCamera
 from scenegen.lang.syntax import ast
 from scenegen.things.furniture import SupportSurface
 
@@ -143,6 +143,12 @@ class RegionValue(Value):
     kind: ClassVar[str] = "a region"
     name: str
     area: Area
+
+
+@dataclass(frozen=True, slots=True)
+class CameraValue(Value):
+    kind: ClassVar[str] = "a camera"
+    camera: SpecCamera
 
 
 @dataclass(frozen=True, slots=True)

@@ -98,7 +98,7 @@ def _spatial(
     """A primitive over places and footprints: two or three coordinates make one argument."""
     pieces: list[str | tuple[int, int]] = [f"{primitive.name}("]
     waiting = list(shapes)
-    kinds: tuple[str, ...] = primitive.params
+    kinds: tuple[str, ...] = primitive.kinds(len(shapes))
     at = 0
     for position, kind in enumerate(kinds):
         pieces += [", "] if position else []

@@ -234,6 +234,18 @@ class Constant(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class Camera(Node):
+    """`camera NAME = at EYE looks at TARGET fov ANGLE, WIDTH:HEIGHT`; the angle is that of the picture's height."""
+
+    name: Name
+    eye: Expr
+    target: Expr
+    field: Expr
+    width: Expr
+    height: Expr
+
+
+@dataclass(frozen=True, slots=True)
 class Parameter(Node):
     name: Name
     default: Expr | None
@@ -278,7 +290,7 @@ class Moves(Node):
     which: Name
 
 
-Statement = Workspace | Objects | Region | Constant | Definition | Require | Import | Label | Time | Moves
+Statement = Workspace | Objects | Region | Constant | Camera | Definition | Require | Import | Label | Time | Moves
 
 
 @dataclass(frozen=True, slots=True)
@@ -361,6 +373,8 @@ def expressions(statement: Statement) -> tuple[Expr, ...]:
             return (shape, *levels) if count is None else (count, shape, *levels)
         case Constant():
             return (statement.value,)
+        case Camera(_, eye, target, field_of_view, width, height):
+            return (eye, target, field_of_view, width, height)
         case Import():
             return (statement.path,)
         case Time():

@@ -145,7 +145,7 @@ if __name__ == "__main__":
 
 # margins know no strictness: `<` means `<=`, and the tree says so
 _COMPARE = {"≤": "<=", "≥": ">=", "≠": "!=", "<": "<=", ">": ">="}
-_NUMBER = re.compile(r"([\d.]+(?:[eE][+-]?\d+)?)\s*([a-z]*(?:/s)?)$")
+_NUMBER = re.compile(r"([\d.]+(?:[eE][+-]?\d+)?)\s*([a-z]*(?:/s)?|%)$")
 
 
 class _DeclarationPart(NamedTuple):
@@ -248,6 +248,9 @@ class Builder:
 
     def const(self, items: list[Any]) -> ast.Constant:
         return ast.Constant(_name(items[1]), items[3], **_extent(items))
+
+    def camera(self, items: list[Any]) -> ast.Camera:
+        return ast.Camera(_name(items[1]), *_nodes(items), **_extent(items))
 
     def define(self, items: list[Any]) -> ast.Definition:
         *parameters, body = _nodes(items)
@@ -374,7 +377,7 @@ MAX_QUANTIFIERS = 100  # inside each other: whatever walks a formula carries the
 MOST_ERRORS = 20  # of one run; more than that usually come from one mistake
 
 _STATEMENT_RULES = frozenset(
-    "workspace objects region const define require import_ label time_steps time_span moves".split()
+    "workspace objects region const camera define require import_ label time_steps time_span moves".split()
 )
 
 

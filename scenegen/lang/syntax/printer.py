@@ -271,6 +271,11 @@ def head(statement: ast.Statement) -> Pieces:
             )
         case ast.Constant(name):
             yield from ("const", SPACE, name.id, SPACE, "=")
+        case ast.Camera(name, eye, target, field, width, height):
+            yield from ("camera", SPACE, name.id, SPACE, "=", SPACE, "at", SPACE, ExpressionPart(eye, POSTFIX), SPACE)
+            yield from ("looks", SPACE, "at", SPACE, ExpressionPart(target, POSTFIX), SPACE, "fov", SPACE)
+            yield from (ExpressionPart(field, SUM), ",", SPACE)
+            yield from (ExpressionPart(width, SUM), ":", ExpressionPart(height, SUM))
         case ast.Definition(name, parameters):
             yield from ("def", SPACE, name.id, *_enclose("(", map(_parameter, parameters), ")"), SPACE, "=")
         case ast.Require():

@@ -33,7 +33,7 @@ def _tokens(units: str) -> re.Pattern[str]:
         r"(?P<space>\s+)"
         r"|(?P<comment>#[^\n]*)"
         r'|(?P<text>"[^"\n]*")'
-        rf"|(?P<number>\d+(?:\.\d+)?(?:[eE][+-]?\d+)?(?:[^\S\r\n]*{units}(?!\w))?)"
+        rf"|(?P<number>\d+(?:\.\d+)?(?:[eE][+-]?\d+)?(?:[^\S\r\n]*(?:{units}(?!\w)|%))?)"
         r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*)"
         r"|(?P<sign>->|<=|>=|!=|\.\.|.)",
         re.DOTALL,
@@ -41,7 +41,7 @@ def _tokens(units: str) -> re.Pattern[str]:
 
 
 _TOKEN = {False: _tokens(_UNIT_WORDS), True: _tokens(f"(?:{_UNIT_WORDS}(?:/s)?|s|ms|min)")}
-_NUMBER_TOKEN = re.compile(r"([\d.]+(?:[eE][+-]?\d+)?)\s*([a-z]*(?:/s)?)")
+_NUMBER_TOKEN = re.compile(r"([\d.]+(?:[eE][+-]?\d+)?)\s*([a-z]*(?:/s)?|%)")
 _TIME = re.compile(r"\btime\b")
 
 # every spelling of an operator or a word -> the canonical one
@@ -259,7 +259,8 @@ def openings(text: str, scanned: Iterable[Token]) -> Iterator[tuple[int, int]]:
             inside = braces > 0 or (not token.first and (depth > 0 or quantifiers > 0))
             opens = _opens_label(text, token, previous, inside)
         else:
-            opens = token.text in STATEMENTS and _opens_keyword(text, token, previous, following)
+            camera = token.text == "camera" and following is not None and following.kind == "name"  # else a name
+            opens = (camera or token.text in STATEMENTS) and _opens_keyword(text, token, previous, following)
         if opens:
             yield token.start, following.end if label and following is not None else token.end
             depth = braces = quantifiers = 0

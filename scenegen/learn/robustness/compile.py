@@ -86,6 +86,23 @@ def _where(condition: Tensor, a: Tensor, b: Tensor) -> Tensor:
     return torch.where(condition, a, b)
 
 
+def _only(condition: Tensor, function: Callable[..., Any], otherwise: Tensor, *numbers: Tensor) -> Tensor:
+    if _functorch.maybe_current_level() is not None:  # how many hold is not known where functions are transformed
+        shape = torch.broadcast_shapes(condition.shape, (1,))
+        value = function(TORCH, *(number.expand(shape) for number in numbers))
+        return torch.where(condition, value.reshape(condition.shape), otherwise)
+    out = otherwise.expand(condition.shape).clone()
+    if bool(condition.any()):
+        some = (number.expand(condition.shape)[condition] for number in numbers)
+        out[condition] = function(TORCH, *some)
+    return out
+
+
+def _spread(low: Tensor, high: Tensor, count: int) -> Tensor:
+    shares = (torch.arange(count, dtype=low.dtype, device=low.device) + 0.5) / count
+    return low + (high - low) * shares[:, None]
+
+
 class _TorchNamespace:
     minimum = staticmethod(torch.minimum)
     maximum = staticmethod(torch.maximum)
@@ -102,6 +119,8 @@ class _TorchNamespace:
     beyond = staticmethod(_beyond)
     copysign = staticmethod(_copysign)
     where = staticmethod(_where)
+    only = staticmethod(_only)
+    spread = staticmethod(_spread)
 
 
 TORCH: Namespace = _TorchNamespace()

@@ -97,7 +97,7 @@ def headings(core: Core) -> set[int]:
             read.add(node.margin)
         elif isinstance(node, Apply):
             shapes, args = iter(node.shapes), iter(node.args)
-            for kind in PRIMITIVES[node.primitive].params if node.shapes else ():
+            for kind in PRIMITIVES[node.primitive].kinds(len(node.shapes)) if node.shapes else ():
                 taken = list(islice(args, ARGUMENT_WIDTHS[kind]))
                 read.update(taken[:THETA] if kind == "footprint" and isinstance(next(shapes), Circle) else taken)
             read.update(args)

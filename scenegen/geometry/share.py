@@ -1,0 +1,227 @@
+"""The share of a body's silhouette, seen by a camera, that no nearer body covers.
+
+Bodies are upright prisms over footprints. Lengths are added up along ROWS lines of sight from left to right, at equal
+distances from the lowest to the highest point of the silhouette: on each, a body is one interval, and what is seen of
+it is what the union of the others leaves. A body covers another one only where its shadow reaches that
+(scenegen.geometry.shadow), so those whose clearance is not negative take no part.
+
+So that there is a slope everywhere, the share goes on: beyond 1 by the clearance to the nearest shadow, where nothing
+is covered, and below 0, to -1 at most, by how far the silhouette is inside of a body that covers all of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from scenegen.geometry import interval as iv
+from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, corners
+from scenegen.geometry.interval import Interval, Intervals
+from scenegen.geometry.namespace import NUMPY, Namespace
+
+ROWS = 32  # lines of sight
+CLEAR = 0.1  # metres of clearance that count as much as a whole silhouette
+LEAST = 1e-9  # of what is divided by: lengths in metres, and of directions
+NEAREST = 1e-3  # metres ahead of the eye: what is nearer is taken to be so far away
+
+BODY, CAMERA, OTHER = 5, 7, 6
+"""How many numbers: of the body x, y, heading, lowest and highest point; of the camera x, y, z, the level direction in
+which it looks (x and y), sine and cosine of the angle by which it looks down; of each other body those of a body, and
+the clearance to its shadow."""
+
+
+def visible_share(ns: Namespace, *given: Any) -> Any:
+    """Of footprints, the first of which is that of the body, and numbers as BODY, CAMERA and OTHER say."""
+    shapes, numbers = _parts(given)
+    gaps = numbers[BODY + CAMERA + OTHER - 1 :: OTHER]
+    least = reduce(ns.minimum, gaps)
+    clear = 1.0 + ns.maximum(least, 0.0 * least) / CLEAR
+
+    def covered(inner: Namespace, *some: Any) -> Any:
+        return _share(inner, shapes, some)
+
+    return ns.only(least < 0.0, covered, clear, *numbers)
+
+
+def _parts(given: Sequence[Any]) -> tuple[list[Footprint], list[Any]]:
+    count = (len(given) - BODY - CAMERA + OTHER) // (OTHER + 1)
+    return list(given[:count]), list(given[count:])
+
+
+class _View:
+    """A camera as bodies are seen by it: x to the right and y ahead on the table, z up, from its eye."""
+
+    def __init__(self, ns: Namespace, camera: Sequence[Any]) -> None:
+        self.ns = ns
+        self.eye, (self.ahead_x, self.ahead_y, self.sin, self.cos) = camera[:3], camera[3:]
+
+    def body(self, shape: Footprint, numbers: Sequence[Any]) -> _Body:
+        ns = self.ns
+        x, y, theta, low, top = numbers
+        dx, dy = x - self.eye[0], y - self.eye[1]
+        right, ahead = dx * self.ahead_y - dy * self.ahead_x, dx * self.ahead_x + dy * self.ahead_y
+        points: list[tuple[Any, Any]] = []
+        if isinstance(shape, Box | Polygon):
+            cos, sin = ns.turn(theta)
+            across, along = cos * self.ahead_y - sin * self.ahead_x, cos * self.ahead_x + sin * self.ahead_y
+            points = [(right + (across * u - along * v), ahead + (along * u + across * v)) for u, v in corners(shape)]
+        return _Body(self, shape, right, ahead, points, (low - self.eye[2], top - self.eye[2]))
+
+
+class _Body:
+    def __init__(
+        self, view: _View, shape: Footprint, right: Any, ahead: Any, points: list[tuple[Any, Any]], levels: Sequence[Any]
+    ) -> None:
+        self.view, self.shape, self.right, self.ahead, self.points = view, shape, right, ahead, points
+        self.levels = levels
+
+    def extent(self) -> tuple[Any, Any]:
+        """The lowest and the highest line of sight that meets it, as heights in a picture one metre ahead."""
+        view, ns = self.view, self.view.ns
+        ends = [y for _, y in self.points]
+        if isinstance(self.shape, Circle):
+            ends = [self.ahead - self.shape.radius, self.ahead + self.shape.radius]
+        heights = [
+            (view.sin * y + view.cos * z) / ns.maximum(view.cos * y - view.sin * z, 0.0 * y + NEAREST)
+            for y in ends
+            for z in self.levels
+        ]
+        return reduce(ns.minimum, heights), reduce(ns.maximum, heights)
+
+    def slices(self, rows: Any) -> tuple[Any, Any]:
+        """Where each line of sight enters and leaves the body, to the right in a picture one metre ahead; where it
+        misses it, the first is larger than the second."""
+        view, ns = self.view, self.view.ns
+        rise = _away_from_zero(ns, rows * view.cos - view.sin)  # of a ray, for each metre ahead in the picture
+        level = _away_from_zero(ns, rows * view.sin + view.cos)
+        ends: list[tuple[Any, Any, Any]] = []  # whether it is one, and the ends of a piece of the body on the line
+        for z in self.levels:  # where the line crosses the bottom and the top
+            way = z / rise
+            y = level * way
+            scale = ns.maximum(way, 0.0 * way + LEAST)
+            ends += [(hit & (way > LEAST), left / scale, right / scale) for hit, left, right in self._chords(y)]
+        for x, y, real in self._sides():  # and where upright edges, or those of the outline of a cylinder, cross it
+            way = y / level
+            z = way * rise
+            scale = ns.maximum(way, 0.0 * way + LEAST)
+            ends.append(((z >= self.levels[0]) & (z <= self.levels[1]) & (way > LEAST) & real, x / scale, x / scale))
+        lows = [ns.where(hit, left, 0.0 * left + FAR) for hit, left, _ in ends]
+        highs = [ns.where(hit, right, 0.0 * right - FAR) for hit, _, right in ends]
+        return reduce(ns.minimum, lows), reduce(ns.maximum, highs)
+
+    def _chords(self, y: Any) -> list[tuple[Any, Any, Any]]:
+        """Where lines at y, from left to right, cross the footprint's edges: whether they do, and the ends."""
+        ns = self.view.ns
+        if isinstance(self.shape, Circle):
+            off = y - self.ahead
+            square = self.shape.radius * self.shape.radius - off * off
+            half = ns.sqrt(ns.maximum(square, 0.0 * square))
+            return [(square >= 0.0, self.right - half, self.right + half)]
+        found = []
+        for (x, here), (u, there) in zip(self.points, [*self.points[1:], self.points[0]], strict=True):
+            share = (y - here) / _away_from_zero(ns, there - here)
+            place = x + ns.clip(share, 0.0, 1.0) * (u - x)
+            found.append(((share >= 0.0) & (share <= 1.0), place, place))
+        return found
+
+    def _sides(self) -> list[tuple[Any, Any, Any]]:
+        ns = self.view.ns
+        if not isinstance(self.shape, Circle):
+            return [(x, y, y == y) for x, y in self.points]
+        square, radius = self.right * self.right + self.ahead * self.ahead, self.shape.radius
+        beyond = square - radius * radius
+        safe = ns.maximum(square, 0.0 * square + LEAST)
+        along, across = beyond / safe, radius * ns.sqrt(ns.maximum(beyond, 0.0 * beyond)) / safe
+        outside = beyond > 0.0  # seen from right above, a cylinder has no sides
+        return [
+            (self.right * along - sign * self.ahead * across, self.ahead * along + sign * self.right * across, outside)
+            for sign in (1.0, -1.0)
+        ]
+
+
+FAR = 1e6  # to the right in a picture: beyond everything
+
+
+def _away_from_zero(ns: Namespace, a: Any) -> Any:
+    return ns.where(ns.absolute(a) < LEAST, 0.0 * a + LEAST, a)
+
+
+def _share(ns: Namespace, shapes: Sequence[Footprint], numbers: Sequence[Any]) -> Any:
+    """The share where something may be covered, of arrays."""
+    view = _View(ns, numbers[BODY : BODY + CAMERA])
+    body = view.body(shapes[0], numbers[:BODY])
+    low, high = body.extent()
+    rows = ns.spread(low, high, ROWS)
+    left, right = body.slices(rows)
+    width = ns.maximum(right - left, 0.0 * left)
+    right = left + width
+    total = width.sum(0)
+    size = ns.maximum(total, 0.0 * total + LEAST)
+    starts, ends, depth = [], [], 0.0 * total
+    for number, shape in enumerate(shapes[1:]):
+        at = BODY + CAMERA + number * OTHER
+        begin, end = view.body(shape, numbers[at : at + BODY]).slices(rows)
+        hides = numbers[at + BODY] < 0.0
+        begin, end = ns.where(hides, begin, 0.0 * begin + FAR), ns.where(hides, end, 0.0 * end - FAR)
+        slack = ns.minimum(left - begin, end - right)
+        inside = reduce(ns.minimum, list(slack)) * (ROWS / size)
+        depth = ns.maximum(depth, ns.minimum(inside, 0.0 * inside + 1.0))
+        begin, end = ns.minimum(ns.maximum(begin, left), right), ns.minimum(ns.maximum(end, left), right)
+        starts.append(begin)
+        ends.append(ns.maximum(end, begin))
+    return 1.0 - _union(ns, starts, ends).sum(0) / size - depth
+
+
+def _union(ns: Namespace, starts: list[Any], ends: list[Any]) -> Any:
+    """The length of the union of intervals."""
+    for last in range(len(starts) - 1, 0, -1):  # in the order of their starts
+        for k in range(last):
+            later = starts[k] > starts[k + 1]
+            before, after = ns.minimum(starts[k], starts[k + 1]), ns.maximum(starts[k], starts[k + 1])
+            ends[k], ends[k + 1] = ns.where(later, ends[k + 1], ends[k]), ns.where(later, ends[k], ends[k + 1])
+            starts[k], starts[k + 1] = before, after
+    reached, length = ends[0], ends[0] - starts[0]
+    for start, end in zip(starts[1:], ends[1:], strict=True):
+        more = end - ns.maximum(start, reached)
+        length = length + ns.maximum(more, 0.0 * more)
+        reached = ns.maximum(reached, end)
+    return length
+
+
+# The interval rule: known exactly of points; else nothing is covered, or something is. The backward rule: what is seen
+# says how far the nearest shadow is.
+
+
+ROUNDING = 2e-13
+UNDECIDED = 1e-9  # metres: clearances nearer to zero may have either sign, computed otherwise
+
+
+def share_interval(*given: Any) -> Interval:
+    _, numbers = _parts(given)
+    gaps = numbers[BODY + CAMERA + OTHER - 1 :: OTHER]
+    least = iv.minimum(*gaps)
+    lo, hi = (1.0 + np.maximum(end, 0.0) / CLEAR for end in least)
+    lo = np.where(least.lo < 0.0, -1.0, lo)
+    places = [part for at, part in enumerate(numbers) if (at - BODY - CAMERA) % OTHER != BODY or at < BODY + CAMERA]
+    exact = np.logical_and.reduce(np.broadcast_arrays(least.hi < 0.0, *(part.lo == part.hi for part in places)))
+    for gap in gaps:  # which bodies take part is known, too
+        exact = exact & (gap.hi - gap.lo < UNDECIDED) & (np.minimum(np.abs(gap.lo), np.abs(gap.hi)) > UNDECIDED)
+    if exact.any():
+        middles = [np.broadcast_to(iv.split(part)[0], exact.shape)[exact] for part in numbers]
+        lo, hi = (np.array(np.broadcast_to(end, exact.shape)) for end in (lo, hi))
+        lo[exact] = hi[exact] = visible_share(NUMPY, *given[: len(given) - len(numbers)], *middles)
+    return Interval(lo - ROUNDING, hi + ROUNDING)
+
+
+def back_share(*given: Any) -> Intervals:
+    count = (len(given) - 1 - BODY - CAMERA + OTHER) // (OTHER + 1)
+    wanted, numbers = given[count], given[count + 1 :]
+    gaps = numbers[BODY + CAMERA + OTHER - 1 :: OTHER]
+    lo = np.where(wanted.lo > 1.0, (wanted.lo - 1.0) * CLEAR - ROUNDING, -np.inf)
+    hi = np.maximum(wanted.hi - 1.0, 0.0) * CLEAR + ROUNDING
+    out = list(numbers)
+    out[BODY + CAMERA + OTHER - 1 :: OTHER] = iv.back_minimum(Interval(lo, hi), *gaps)
+    return tuple(out)

@@ -1,0 +1,243 @@
+"""Cameras, and functions of what they see.
+
+A camera does not move and neither do heights, so what a camera pictures is a cone with flat sides, and what one body
+hides from it is a cone, too, cut off at constant heights: on the table both are sums, minima and the primitives
+`shadowGap` and `visibleShare` over footprints.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from scenegen.errors import Diagnostic, Source, SpecError
+from scenegen.errors.declarations import MEASURED_TOO_EARLY, SIZE_OUT_OF_RANGE, TOO_MANY_CASES, WRONG_CAMERA, WRONG_SHARES
+from scenegen.errors.language import NOT_CONSTANT, SAME_ARGUMENT_TWICE
+from scenegen.geometry import MATH, POINT, PRIMITIVES
+from scenegen.geometry.primitives import ANGLE, BARE, LENGTH
+from scenegen.geometry.workspace import MAX_COORDINATE
+from scenegen.lang.check.heights import MOST_CASES, by_cases, height_in, level
+from scenegen.lang.check.scope import Declared
+from scenegen.lang.check.values import AnyValue, CallFrame, CameraValue, ListValue, NumberValue, ObjectValue, Value
+from scenegen.lang.spec import LEVEL, Pose, Space, SpecCamera, Support, options_of
+from scenegen.lang.syntax import ast
+from scenegen.pose import FLAT
+
+if TYPE_CHECKING:
+    from scenegen.lang.check.lowering import Lowering
+
+MOST_ASPECT = 100.0  # of a picture: its longer side over its shorter one
+FURTHEST_COPY = 1000.0  # how often a shadow is as large as what casts it; beyond, it is longer than any table
+
+
+def camera(lowering: Lowering, declared: Declared) -> SpecCamera:
+    """What a `camera` statement says. Raises SpecError."""
+    statement, source = declared.statement, declared.source
+    assert isinstance(statement, ast.Camera)
+    eye = _place(lowering, statement.eye, source, "the place")
+    target = _place(lowering, statement.target, source, "the target")
+    if eye[2] <= 0.0:
+        raise SpecError(WRONG_CAMERA(statement.eye.span(source), below=True))
+    if math.dist(eye, target) < LEVEL:
+        raise SpecError(WRONG_CAMERA(statement.target.span(source)))
+    field = _number(lowering, statement.field, source, "the field of view of a camera", ANGLE)
+    if not LEVEL < field < math.pi - LEVEL:
+        raise SpecError(WRONG_CAMERA(statement.field.span(source), angle=math.degrees(field)))
+    sides = [_number(lowering, one, source, "a side of a picture") for one in (statement.width, statement.height)]
+    ratio = sides[0] / sides[1] if sides[1] else math.inf
+    if not 1.0 / MOST_ASPECT <= ratio <= MOST_ASPECT:
+        raise SpecError(WRONG_CAMERA(statement.width.span(source), ratio=ratio, most=MOST_ASPECT))
+    return SpecCamera(declared.name.id, eye, target, field, ratio)
+
+
+def _number(lowering: Lowering, node: ast.Expr, source: Source, what: str, *units: object) -> float:
+    value = lowering.evaluate(node, CallFrame(source))
+    return lowering.constant(value, node, CallFrame(source), what, BARE, *units)  # type: ignore[arg-type]
+
+
+def _place(lowering: Lowering, node: ast.Expr, source: Source, what: str) -> Space:
+    """A constant point in space. Raises SpecError."""
+    if not isinstance(node, ast.Point) or len(node.coordinates) != 3:
+        raise SpecError(WRONG_CAMERA(node.span(source), place=what))
+    x, y, z = (_number(lowering, one, source, "a coordinate of a camera", LENGTH) for one in node.coordinates)
+    if max(abs(x), abs(y), abs(z)) > MAX_COORDINATE:
+        raise SpecError(SIZE_OUT_OF_RANGE(node.span(source), what=f"{what} of this camera", limit=MAX_COORDINATE))
+    return x, y, z
+
+
+def camera_clash(lowering: Lowering, fixed: Mapping[int, Pose]) -> list[Diagnostic]:
+    """A diagnostic for each camera inside of an object that does not move."""
+    problems = []
+    for name, declared in lowering.scope.cameras.items():
+        x, y, z = lowering.cameras[name].eye
+        for which, pose in fixed.items():
+            low = lowering.heights[which] if lowering.heights else 0.0
+            shape = lowering.shapes[which]
+            if low is None or not low < z < low + shape.height:
+                continue
+            if PRIMITIVES["gap"].evaluate(MATH, shape.footprint, POINT, *pose, x, y, 0.0) < 0.0:
+                assert isinstance(declared.statement, ast.Camera)
+                here = declared.statement.eye.span(declared.source)
+                problems.append(WRONG_CAMERA(here, thing=lowering.builder.objects[which]))
+                break
+    return problems
+
+
+def check_shares(lowering: Lowering, least: Value, most: Value, node: ast.Call, frame: CallFrame) -> None:
+    """Raises SpecError for shares that are none, or that cross."""
+    ends = []
+    for value in (least, most):
+        if isinstance(value, AnyValue):
+            return
+        share = lowering.builder.value(lowering.coerce.number(value, "a share").node)
+        if share is None:
+            raise SpecError(NOT_CONSTANT(value.origin, what="a share"))
+        if not 0.0 <= share <= 1.0:
+            raise SpecError(WRONG_SHARES(value.origin, share=share))
+        ends.append(share)
+    if ends[0] > ends[1]:
+        raise lowering.error(WRONG_SHARES, node, frame, least=100.0 * ends[0], most=100.0 * ends[1])
+
+
+def sight_function(lowering: Lowering, name: str, values: list[Value], node: ast.Call, frame: CallFrame) -> Value:
+    """A call of one of SIGHT. Raises SpecError."""
+    origin = lowering.origin(node, frame)
+    if any(isinstance(value, AnyValue) for value in values):
+        return AnyValue(origin=origin)
+    if lowering.heights is None:
+        raise lowering.error(MEASURED_TOO_EARLY, node, frame)
+    if name == "hiders":
+        if not isinstance(values[0], ObjectValue):
+            raise lowering.coerce.wrong(values[0], "an object", "the argument of `hiders`")
+        hiders = _hiders(lowering, values[0].index)
+        return ListValue(tuple(ObjectValue(one, origin=origin) for one in hiders), origin=origin)
+    *things, seer = values
+    which = []
+    for value in things:
+        if not isinstance(value, ObjectValue):
+            raise lowering.coerce.wrong(value, "an object", f"an argument of `{name}`")
+        which.append(value.index)
+    if not isinstance(seer, CameraValue):
+        raise lowering.coerce.wrong(seer, "a camera", f"the last argument of `{name}`")
+    if name == "viewRoom":
+        return NumberValue(_room(lowering, which[0], seer.camera), LENGTH, origin=origin)
+    if name == "shadowGap":
+        if which[0] == which[1]:
+            raise lowering.error(SAME_ARGUMENT_TWICE, node, frame, name=name)
+        number = _shadow(lowering, which[0], which[1], seer.camera)
+    else:
+        number = _share(lowering, which[0], seer.camera)
+    if number is None:
+        raise lowering.error(TOO_MANY_CASES, node, frame, limit=MOST_CASES)
+    if lowering.builder.value(number) is None:
+        lowering.builder.called.setdefault(number, f"{name}({', '.join(map(lowering.text, values))})")
+    return NumberValue(number, BARE if name == "visibleShare" else LENGTH, origin=origin)
+
+
+def _pose(lowering: Lowering, which: int) -> tuple[int, ...]:
+    return tuple(lowering.coerce.coordinate(which, axis) for axis in FLAT)
+
+
+def _room(lowering: Lowering, which: int, seer: SpecCamera) -> int:
+    """The distance of an object's body from the four planes through the eye and a side of the picture, the least of
+    them: of its corner that is nearest to each, and negative beyond it."""
+    builder = lowering.builder
+    x, y, theta = _pose(lowering, which)
+    low, own = level(lowering, which), lowering.shapes[which].height
+    (ahead_x, ahead_y), (sin, cos) = seer.ahead, seer.slope
+    right = (ahead_y, -ahead_x, 0.0)
+    up = (sin * ahead_x, sin * ahead_y, cos)
+    tan_y = math.tan(seer.field / 2.0)
+    sides = [(axis, sign, tan) for axis, tan in ((right, tan_y * seer.aspect), (up, tan_y)) for sign in (1.0, -1.0)]
+    rooms = []
+    for axis, sign, tan in sides:
+        scale = math.hypot(1.0, tan)
+        nx, ny, nz = ((tan * ahead + sign * one) / scale for ahead, one in zip(seer.forward, axis, strict=True))
+        base = min(nz * own, 0.0) - sum(one * place for one, place in zip((nx, ny, nz), seer.eye, strict=True))
+        parts = [(nx, x), (ny, y), (nz, low)]
+        flat = math.hypot(nx, ny)
+        if flat > LEVEL:
+            heading = builder.const(math.atan2(-ny, -nx))
+            reach = builder.apply("reach", (x, y, theta, heading), (lowering.coerce.covers(which),))
+            parts.append((-flat, reach))
+        room = builder.const(base)
+        for factor, number in parts:
+            room = builder.apply("add", (builder.apply("mul", (builder.const(factor), number)), room))
+        rooms.append(room)
+    return builder.apply("min", rooms)
+
+
+def _copies(body: tuple[float, float], hiding: tuple[float, float], eye: float) -> tuple[float, float] | None:
+    """What a body hides from an eye, of another body, is within copies of its footprint, enlarged from the eye: how
+    often the first and the last of them are as large. Bodies are from a height to a height. None where no ray of sight
+    meets both at the heights at which they are.
+
+    A ray that meets the hiding body at height z meets height h of the other one at (eye - h) / (eye - z) of its way,
+    which is 1 or more where the hiding body is nearer.
+    """
+    (low, top), (other_low, other_top) = body, hiding
+    if other_low < eye and low < eye and other_top > low:  # looking down
+        first, last = (eye - top) / (eye - other_low), (eye - low) / max(eye - other_top, (eye - low) / FURTHEST_COPY)
+        return max(1.0, first), max(1.0, last)
+    if other_top > eye and top > eye and other_low < top:  # looking up
+        first, last = (low - eye) / (other_top - eye), (top - eye) / max(other_low - eye, (top - eye) / FURTHEST_COPY)
+        return max(1.0, first), max(1.0, last)
+    return None
+
+
+def _shadow(lowering: Lowering, which: int, other: int, seer: SpecCamera) -> int | None:
+    """The clearance of a body and what another one hides; where heights alone keep that off, by how much they do. None
+    where choices of supports allow too many cases."""
+    builder = lowering.builder
+    poses = (*_pose(lowering, which), *_pose(lowering, other))
+    shapes = (lowering.coerce.covers(which), lowering.coerce.covers(other))
+    x, y, eye = seer.eye
+
+    def in_case(supports: Mapping[int, Support]) -> int:
+        low, below = height_in(which, supports), height_in(other, supports)
+        top, above = low + lowering.shapes[which].height, below + lowering.shapes[other].height
+        found = _copies((low, top), (below, above), eye)
+        first, last = found or (1.0, 1.0)
+        args = (*poses, *map(builder.const, (x, y, first, last)))
+        beside = builder.apply("shadowGap", args, shapes)
+        return beside if found else builder.apply("max", (beside, builder.const(max(low - above, below - top))))
+
+    return by_cases(lowering, (which, other), in_case)
+
+
+def _carriers(lowering: Lowering, which: int) -> set[int]:
+    """All that an object may stand on, and what that may stand on."""
+    found: set[int] = set()
+    waiting = [which]
+    while waiting:
+        for under in options_of(waiting.pop(), lowering.supports, lowering.choices):
+            if under.carrier is not None and under.carrier not in found:
+                found.add(under.carrier)
+                waiting.append(under.carrier)
+    return found
+
+
+def _hiders(lowering: Lowering, which: int) -> list[int]:
+    """All other objects, without what an object stands on: that is around it, not before it."""
+    return sorted({*range(len(lowering.shapes))} - {which} - _carriers(lowering, which))
+
+
+def _share(lowering: Lowering, which: int, seer: SpecCamera) -> int | None:
+    """The share of a body's silhouette that nothing hides."""
+    builder = lowering.builder
+    others = _hiders(lowering, which)
+    if not others:
+        return builder.const(1.0)
+
+    def body(one: int) -> Sequence[int]:
+        low = level(lowering, one)
+        return (*_pose(lowering, one), low, builder.apply("add", (low, builder.const(lowering.shapes[one].height))))
+
+    args = [*body(which), *map(builder.const, (*seer.eye, *seer.ahead, *seer.slope))]
+    for one in others:
+        gap = _shadow(lowering, which, one, seer)
+        if gap is None:
+            return None
+        args += [*body(one), gap]
+    return builder.apply("visibleShare", args, tuple(map(lowering.coerce.covers, (which, *others))))

@@ -8,7 +8,7 @@ place on large batches.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -60,9 +60,9 @@ class Namespace(Protocol):
         """a where the condition holds, b elsewhere. Both are computed: neither may have a NaN gradient."""
         ...
 
-    def only(self, condition: Any, function: Callable[..., Any], otherwise: Any, *numbers: Any) -> Any:
-        """function(namespace, *numbers) where the condition holds, `otherwise` elsewhere. It gets arrays (n,), of those
-        places alone where that saves work, and gives one; it may have an axis more in between."""
+    def only(self, condition: Any, function: Callable[..., Any], otherwise: Sequence[Any], *numbers: Any) -> Any:
+        """function(namespace, *numbers) where the condition holds, a tuple, and `otherwise` elsewhere. It gets arrays
+        whose last axis is that of the condition, cut down to those places where that saves work, and constants."""
         ...
 
     def spread(self, low: Any, high: Any, count: int) -> Any:
@@ -86,16 +86,28 @@ def _math_where(condition: bool, a: float, b: float) -> float:
     return a if condition else b
 
 
-def _math_only(condition: bool, function: Callable[..., Any], otherwise: float, *numbers: float) -> float:
-    return float(function(NUMPY, *(np.array([number]) for number in numbers))[0]) if condition else otherwise
+def _math_only(condition: bool, function: Callable[..., Any], otherwise: Sequence[float], *numbers: float) -> Any:
+    if not condition:
+        return otherwise
+    return [float(value[0]) for value in function(NUMPY, *(np.array([number]) for number in numbers))]
 
 
-def _numpy_only(condition: Any, function: Callable[..., Any], otherwise: Any, *numbers: Any) -> Any:
-    out = np.array(np.broadcast_to(otherwise, np.shape(condition)))
-    if np.any(condition):
-        some = (np.broadcast_to(number, out.shape)[condition] for number in numbers)
-        out[condition] = function(NUMPY, *some)
-    return out
+def _numpy_only(condition: Any, function: Callable[..., Any], otherwise: Sequence[Any], *numbers: Any) -> Any:
+    shape = np.shape(condition)
+    places = np.flatnonzero(condition)
+
+    def some(number: Any) -> Any:
+        return np.broadcast_to(number, (*np.shape(number)[:-1], np.size(condition)))[..., places]
+
+    if not places.size:
+        return [np.broadcast_to(other, shape) for other in otherwise]
+    found = function(NUMPY, *(some(one) if np.ndim(one) else one for one in numbers))
+    filled = []
+    for value, other in zip(found, otherwise, strict=True):
+        whole = np.array(np.broadcast_to(other, (*value.shape[:-1], np.size(condition))))
+        whole[..., places] = value
+        filled.append(whole.reshape(*value.shape[:-1], *shape))
+    return filled
 
 
 def _numpy_spread(low: Any, high: Any, count: int) -> Any:

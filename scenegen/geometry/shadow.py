@@ -106,7 +106,7 @@ def _rims(ns: Namespace, b: Footprint, turn: Turn, body: Vector) -> list[Vector]
         return [side for x, y in rays for side in ((-y, x), (y, -x))]
     x, y = _unit(ns, *body)
     away = ns.hypot(*body)
-    sin = b.radius / ns.maximum(away, 0.0 * away + max(b.radius, NO_WAY))
+    sin = b.radius / ns.maximum(away, 0.0 * away + b.radius + NO_WAY)
     cos = ns.sqrt(ns.maximum(1.0 - sin * sin, 0.0 * away))
     return [(-sin * x - cos * y, -sin * y + cos * x), (-sin * x + cos * y, -sin * y - cos * x)]
 
@@ -144,7 +144,7 @@ def shadow_interval(a: Footprint, b: Footprint, *numbers: Interval) -> Interval:
     slack = of_a + one.turn * halves[2][1] + scale * (of_b + other.turn * halves[5][1]) + (1.0 + scale) * of_eye
     slack = slack + (away.hi + other.outer) * (halves[8][1] + halves[9][1])
     gap = iv.hypot(iv.sub(ax, eye_x), iv.sub(ay, eye_y))
-    bound = Interval(value - slack, np.minimum(value + slack, gap.hi + scale * away.hi + scale * other.outer))
+    bound = Interval(value - slack, np.minimum(value + slack, gap.hi - one.inner + scale * (away.hi - min(other.inner, 0.0))))
     angles = iv.directions(value)
     bound = iv.narrow(bound, _beyond(a, b, numbers, angles).max(0), math.inf)
     return iv.loosen(bound, _rounding(a, b, numbers))
@@ -163,7 +163,7 @@ def _beyond(a: Footprint, b: Footprint, numbers: tuple[Interval, ...], angles: A
 def _rounding(a: Footprint, b: Footprint, numbers: tuple[Interval, ...]) -> Array:
     ax, ay, at, bx, by, bt, eye_x, eye_y, first, last = numbers
     lengths = iv.magnitude(ax, ay, bx, by, eye_x, eye_y) + measures(a).outer + measures(b).outer
-    return 8.0 * iv.ERROR * lengths * (1.0 + iv.magnitude(at, bt)) * (1.0 + iv.magnitude(first, last))
+    return iv.ERROR * lengths * (1.0 + iv.magnitude(at, bt)) * (1.0 + iv.magnitude(first, last))
 
 
 @iv.quiet

@@ -11,7 +11,7 @@ is covered, and below 0, to -1 at most, by how far the silhouette is inside of a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import reduce
 from typing import Any
 
@@ -40,10 +40,36 @@ def visible_share(ns: Namespace, *given: Any) -> Any:
     least = reduce(ns.minimum, gaps)
     clear = 1.0 + ns.maximum(least, 0.0 * least) / CLEAR
 
-    def covered(inner: Namespace, *some: Any) -> Any:
-        return _share(inner, shapes, some)
+    # Sizes may be numbers, too: of many bodies that are alike but for them (scenegen.learn.robustness.deciding).
+    sizes = [size for shape in shapes for size in _sizes(shape)]
 
-    return ns.only(least < 0.0, covered, clear, *numbers)
+    def covered(inner: Namespace, *some: Any) -> Any:
+        left = iter(some[len(numbers) :])
+        bodies = [_with_sizes(shape, left) for shape in shapes]
+        return (_share(inner, bodies, some),)
+
+    (share,) = ns.only(least < 0.0, covered, (clear,), *numbers, *sizes)
+    return share
+
+
+def _sizes(shape: Footprint) -> tuple[Any, ...]:
+    match shape:
+        case Circle(radius):
+            return (radius,)
+        case Box(length, width):
+            return length, width
+        case _:
+            return ()
+
+
+def _with_sizes(shape: Footprint, sizes: Iterator[Any]) -> Footprint:
+    match shape:
+        case Circle():
+            return Circle(next(sizes))
+        case Box():
+            return Box(next(sizes), next(sizes))
+        case _:
+            return shape
 
 
 def _parts(given: Sequence[Any]) -> tuple[list[Footprint], list[Any]]:
@@ -163,9 +189,15 @@ def _share(ns: Namespace, shapes: Sequence[Footprint], numbers: Sequence[Any]) -
     starts, ends, depth = [], [], 0.0 * total
     for number, shape in enumerate(shapes[1:]):
         at = BODY + CAMERA + number * OTHER
-        begin, end = view.body(shape, numbers[at : at + BODY]).slices(rows)
-        hides = numbers[at + BODY] < 0.0
-        begin, end = ns.where(hides, begin, 0.0 * begin + FAR), ns.where(hides, end, 0.0 * end - FAR)
+        sizes = _sizes(shape)
+
+        def slices(inner: Namespace, *some: Any, shape: Footprint = shape) -> Any:
+            here, there = BODY, BODY + CAMERA
+            other = _View(inner, some[here:there]).body(_with_sizes(shape, iter(some[there + 1 :])), some[:here])
+            return other.slices(some[there])
+
+        numbers_of = (*numbers[at : at + BODY], *numbers[BODY : BODY + CAMERA], rows, *sizes)
+        begin, end = ns.only(numbers[at + BODY] < 0.0, slices, (FAR, -FAR), *numbers_of)
         slack = ns.minimum(left - begin, end - right)
         inside = reduce(ns.minimum, list(slack)) * (ROWS / size)
         depth = ns.maximum(depth, ns.minimum(inside, 0.0 * inside + 1.0))

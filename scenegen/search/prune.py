@@ -241,6 +241,8 @@ class _Search:
         """Give a part the proposal with the least volume; unless `couple`, the box that is left of it. False where a
         cover proves the part empty."""
         atoms = [one for one in part.pending if not isinstance(self.core.nodes[one.core], Junction)]
+        # What all things take part in would tie them all, and no grid covers so many.
+        atoms = [one for one in atoms if one.node not in self.tape.crowded]
         best = self._proposal(part, (), False, 1)
         if best is None:
             return False

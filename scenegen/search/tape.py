@@ -238,7 +238,8 @@ class Tape:
     """`where[i]` is the tape's node with the value of core node i. `rows` maps a storage row to its node;
     `differences` maps a node to the two rows (a, b) of which it is a - b. `affine` maps nodes that depend on one
     coordinate or one difference alone, and linearly, to that node. `loops` are nodes that are 0 in every scene: of
-    three objects, two differences add up to the third. `batches` are the nodes as intervals go over them; `contracted`
+    three objects, two differences add up to the third. `crowded` are the nodes that depend on primitives of any number
+    of things. `batches` are the nodes as intervals go over them; `contracted`
     are boxes that `contract_box` keeps."""
 
     nodes: tuple[Node, ...]
@@ -248,6 +249,7 @@ class Tape:
     affine: dict[int, int]
     loops: tuple[int, ...]
     batches: BatchedTape
+    crowded: frozenset[int] = frozenset()
     contracted: dict[Hashable, Contracted] = field(default_factory=dict, compare=False, repr=False)
 
     def support(self, node: int) -> frozenset[int]:
@@ -349,7 +351,16 @@ def make_tape(core: Core, lowest: Array, highest: Array, effort: Effort | None =
     loops = _loops(writer, effort)
     nodes = tuple(writer.nodes)
     where = tuple(algebra.where)
-    return Tape(nodes, where, algebra.rows, writer.differences, writer.affine, loops, make_batches(nodes))
+    batches, crowded = make_batches(nodes), _crowded(nodes)
+    return Tape(nodes, where, algebra.rows, writer.differences, writer.affine, loops, batches, crowded)
+
+
+def _crowded(nodes: Sequence[Node]) -> frozenset[int]:
+    found = {at for at, node in enumerate(nodes) if isinstance(node, Apply) and PRIMITIVES[node.primitive].crowd}
+    for at, node in enumerate(nodes) if found else ():
+        if not found.isdisjoint(children(node)):
+            found.add(at)
+    return frozenset(found)
 
 
 class _Forms(Algebra[AffineForm]):

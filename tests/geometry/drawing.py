@@ -50,6 +50,10 @@ def arguments(name, seed, count):
             if kind == "angle":
                 values[row] = rng.uniform(-7.0, 7.0, size=count)
                 values[row, : 6 * ties] = math.pi / 2.0 * rng.integers(-4, 5, size=6 * ties)
+        if name == "shadowGap":  # copies of a body from its own size on
+            values[-2:] = 1.0 + np.abs(values[-2:])
+        if name == "visibleShare":
+            _see(values, rng)
         return values
     values = rng.uniform(-1.0, 1.0, size=(len(kinds), count)) * 10.0 ** rng.integers(-3, 3, size=(1, count))
     values[:, :ties] = rng.integers(-2, 3, size=(len(kinds), ties))
@@ -59,6 +63,15 @@ def arguments(name, seed, count):
     if name == "div":
         values[1][values[1] == 0.0] = 0.5
     return values
+
+
+def _see(values, rng):
+    """Makes of numbers a camera that is above the table and looks down, and bodies that end above where they begin."""
+    for low in (3, 15):
+        values[low + 1] = values[low] + np.abs(values[low + 1]) + 0.01
+    values[7] = 0.5 + np.abs(values[7])
+    level, down = rng.uniform(-math.pi, math.pi, size=values.shape[1]), rng.uniform(0.1, 1.5, size=values.shape[1])
+    values[8:10], values[10:12] = (np.cos(level), np.sin(level)), (np.sin(down), np.cos(down))
 
 
 def boxes(name, rng, count, width):

@@ -521,7 +521,7 @@ def _whole_turns(node: Apply) -> Iterator[bool]:
     if primitive.variadic:
         yield from (False for _ in node.args)
         return
-    for kind in primitive.params:
+    for kind in primitive.kinds(len(node.shapes)):
         if kind == "number":
             yield primitive.of_angle
         else:

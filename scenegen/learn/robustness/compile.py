@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
 from typing import Any, cast
@@ -86,16 +86,29 @@ def _where(condition: Tensor, a: Tensor, b: Tensor) -> Tensor:
     return torch.where(condition, a, b)
 
 
-def _only(condition: Tensor, function: Callable[..., Any], otherwise: Tensor, *numbers: Tensor) -> Tensor:
+def _only(condition: Tensor, function: Callable[..., Any], otherwise: Sequence[Any], *numbers: Any) -> Any:
     if _functorch.maybe_current_level() is not None:  # how many hold is not known where functions are transformed
-        shape = torch.broadcast_shapes(condition.shape, (1,))
-        value = function(TORCH, *(number.expand(shape) for number in numbers))
-        return torch.where(condition, value.reshape(condition.shape), otherwise)
-    out = otherwise.expand(condition.shape).clone()
-    if bool(condition.any()):
-        some = (number.expand(condition.shape)[condition] for number in numbers)
-        out[condition] = function(TORCH, *some)
-    return out
+        found = function(TORCH, *numbers)
+        return [
+            torch.where(condition, value, torch.as_tensor(other, dtype=value.dtype, device=value.device))
+            for value, other in zip(found, otherwise, strict=True)
+        ]
+    count, places = condition.numel(), condition.reshape(-1).nonzero()[:, 0]
+    if not len(places):
+        return [torch.as_tensor(other).expand(condition.shape) for other in otherwise]
+
+    def some(number: Any) -> Any:
+        if not isinstance(number, Tensor) or not number.ndim:
+            return number
+        return number.expand(*number.shape[:-1], count)[..., places]
+
+    filled = []
+    for value, other in zip(function(TORCH, *map(some, numbers)), otherwise, strict=True):
+        whole = torch.as_tensor(other, dtype=value.dtype, device=value.device)
+        whole = whole.expand(*value.shape[:-1], count).clone()
+        whole[..., places] = value
+        filled.append(whole.reshape(*value.shape[:-1], *condition.shape))
+    return filled
 
 
 def _spread(low: Tensor, high: Tensor, count: int) -> Tensor:

@@ -51,7 +51,7 @@ def nodes_read(node: Node) -> list[int]:
     read: list[int] = []
     at = 0
     shapes = iter(node.shapes)
-    for kind in PRIMITIVES[node.primitive].params:
+    for kind in PRIMITIVES[node.primitive].kinds(len(node.shapes)):
         size = {"number": 1, "place": len(PLACE), "footprint": len(FLAT)}[kind]
         args = node.args[at : at + size]
         at += size

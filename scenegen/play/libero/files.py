@@ -19,7 +19,7 @@ from scenegen.sampling.request import parse_phi
 from scenegen.scenes.files import ensure_folder, write_whole
 
 LIBERO_SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10", "libero_90")
-SPEC_LABELS = "goal", "start"
+SPEC_LABELS = "goal", "start", "visible"
 CONFIG_PATHS = "benchmark_root", "bddl_files", "init_states", "datasets", "assets"  # what LIBERO's config.yaml names
 
 

@@ -126,7 +126,10 @@ MIXED_LIST = Kind(
 UNIT_MISMATCH = Kind(
     "unit-mismatch",
     "{left} is {verb} {right}",
-    help="lengths are in m, cm or mm; angles in rad, deg or turn[[; {times}]]",
+    help=(
+        "{share:?}write the share times a length: 25 % * 1 m",
+        "lengths are in m, cm or mm; angles in rad, deg or turn[[; {times}]]",
+    ),
 )
 WRONG_UNIT = Kind(
     "wrong-unit",

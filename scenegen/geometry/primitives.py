@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from scenegen.geometry import clearance, share, shadow
+from scenegen.geometry import clearance, shadow, share
 from scenegen.geometry import interval as iv
 from scenegen.geometry.interval import Interval, Rule
 from scenegen.geometry.namespace import Namespace
@@ -23,11 +23,13 @@ from scenegen.pose import FLAT, PLACE, TWO_PI
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """metre^length * radian^angle * second^time."""
+    """metre^length * radian^angle * second^time; a share (`30 %`, share = 1) is a plain number of a whole, which is no
+    length: a share of a length is one."""
 
     length: int = 0
     angle: int = 0
     time: int = 0
+    share: int = 0
 
     def __str__(self) -> str:
         if self.time == -1 and self.length + self.angle == 1:
@@ -43,7 +45,7 @@ class Unit:
     def words(self) -> str:
         """The unit as text."""
         known = {LENGTH: "a length", ANGLE: "an angle", BARE: "a plain number", Unit(2, 0): "an area"}
-        known |= {TIME: "a time", SPEED: "a speed", TURN_RATE: "a turn rate"}
+        known |= {TIME: "a time", SHARE: "a share", SPEED: "a speed", TURN_RATE: "a turn rate"}
         return known.get(self, f"a quantity in {self}")
 
 
@@ -51,6 +53,7 @@ BARE = Unit()
 LENGTH = Unit(length=1)
 ANGLE = Unit(angle=1)
 TIME = Unit(time=1)
+SHARE = Unit(share=1)
 SPEED = Unit(length=1, time=-1)
 TURN_RATE = Unit(angle=1, time=-1)
 
@@ -63,7 +66,7 @@ _UNITS: dict[str, tuple[float, float, Unit]] = {
     "rad": (1.0, 1.0, ANGLE),
     "deg": (math.pi, 180.0, ANGLE),
     "turn": (2.0 * math.pi, 1.0, ANGLE),
-    "%": (1.0, 100.0, BARE),
+    "%": (1.0, 100.0, SHARE),
     "s": (1.0, 1.0, TIME),
     "ms": (1.0, 1000.0, TIME),
     "min": (60.0, 1.0, TIME),
@@ -91,11 +94,13 @@ def agree(*units: Unit) -> Unit:
 
 
 def times(left: Unit, right: Unit) -> Unit:
-    return Unit(left.length + right.length, left.angle + right.angle, left.time + right.time)
+    unit = Unit(left.length + right.length, left.angle + right.angle, left.time + right.time)
+    return SHARE if unit == BARE and (left.share or right.share) else unit
 
 
 def divide_units(left: Unit, right: Unit) -> Unit:
-    return Unit(left.length - right.length, left.angle - right.angle, left.time - right.time)
+    unit = Unit(left.length - right.length, left.angle - right.angle, left.time - right.time)
+    return SHARE if unit == BARE and left.share > right.share else unit
 
 
 def quantity(number: str, suffix: str) -> tuple[float, Unit]:
@@ -334,12 +339,12 @@ PRIMITIVES: dict[str, Primitive] = {
         Primitive(
             "shadowGap", (*_FOOTPRINTS, "place", *_TWO), shadow.shadow_gap, shadow.shadow_interval,
             lambda a, b, eye, first, last: LENGTH,
-            "clearance of a footprint and the shadow of another one, cast from a place: the hull of its enlarged copies",
+            "clearance of a footprint and the shadow of another one from a place: the hull of its enlarged copies",
             hidden=True, backward=shadow.back_shadow, smooth=True,
         ),
         Primitive(
             "visibleShare", (*_BODY, *["number"] * share.CAMERA, *_BODY, "number"), share.visible_share,
-            share.share_interval, lambda *units: BARE, "share of a body's silhouette that no nearer body covers",
+            share.share_interval, lambda *units: SHARE, "share of a body's silhouette that no nearer body covers",
             hidden=True, backward=share.back_share, crowd=len(_BODY) + 1,
         ),
     )

@@ -134,7 +134,7 @@ def _shortest(ns: Namespace, ways: list[Vector]) -> Vector:
 
 
 def shadow_interval(a: Footprint, b: Footprint, *numbers: Interval) -> Interval:
-    ax, ay, at, bx, by, bt, eye_x, eye_y, first, last = numbers
+    ax, ay, _, bx, by, _, eye_x, eye_y, first, last = numbers
     one, other = measures(a), measures(b)
     scale = np.maximum(iv.magnitude(first), iv.magnitude(last))
     away = iv.hypot(iv.sub(bx, eye_x), iv.sub(by, eye_y))
@@ -144,7 +144,9 @@ def shadow_interval(a: Footprint, b: Footprint, *numbers: Interval) -> Interval:
     slack = of_a + one.turn * halves[2][1] + scale * (of_b + other.turn * halves[5][1]) + (1.0 + scale) * of_eye
     slack = slack + (away.hi + other.outer) * (halves[8][1] + halves[9][1])
     gap = iv.hypot(iv.sub(ax, eye_x), iv.sub(ay, eye_y))
-    bound = Interval(value - slack, np.minimum(value + slack, gap.hi - one.inner + scale * (away.hi - min(other.inner, 0.0))))
+    bound = Interval(
+        value - slack, np.minimum(value + slack, gap.hi - one.inner + scale * (away.hi - min(other.inner, 0.0)))
+    )
     angles = iv.directions(value)
     bound = iv.narrow(bound, _beyond(a, b, numbers, angles).max(0), math.inf)
     return iv.loosen(bound, _rounding(a, b, numbers))

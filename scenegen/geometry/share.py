@@ -99,7 +99,13 @@ class _View:
 
 class _Body:
     def __init__(
-        self, view: _View, shape: Footprint, right: Any, ahead: Any, points: list[tuple[Any, Any]], levels: Sequence[Any]
+        self,
+        view: _View,
+        shape: Footprint,
+        right: Any,
+        ahead: Any,
+        points: list[tuple[Any, Any]],
+        levels: Sequence[Any],
     ) -> None:
         self.view, self.shape, self.right, self.ahead, self.points = view, shape, right, ahead, points
         self.levels = levels
@@ -200,7 +206,8 @@ def _share(ns: Namespace, shapes: Sequence[Footprint], numbers: Sequence[Any]) -
         begin, end = ns.only(numbers[at + BODY] < 0.0, slices, (FAR, -FAR), *numbers_of)
         slack = ns.minimum(left - begin, end - right)
         inside = reduce(ns.minimum, list(slack)) * (ROWS / size)
-        depth = ns.maximum(depth, ns.minimum(inside, 0.0 * inside + 1.0))
+        inside = ns.maximum(inside, 0.0 * inside)
+        depth = ns.maximum(depth, inside / (1.0 + inside))
         begin, end = ns.minimum(ns.maximum(begin, left), right), ns.minimum(ns.maximum(end, left), right)
         starts.append(begin)
         ends.append(ns.maximum(end, begin))

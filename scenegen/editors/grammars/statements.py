@@ -29,8 +29,8 @@ from scenegen.lang.formula.interpret import evaluate, phi
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 
-OBJECT, REGION, POINT, LIST, HEADING = "object", "region", "point", "list", "heading"
-ARGUMENT_KINDS = (OBJECT, REGION, POINT, LIST, HEADING)
+OBJECT, REGION, POINT, LIST, HEADING, CAMERA = "object", "region", "point", "list", "heading", "camera"
+ARGUMENT_KINDS = (OBJECT, REGION, POINT, LIST, HEADING, CAMERA)
 HEADING_WORDS = ("NORTH", "EAST", "SOUTH", "WEST", "45 deg", "135 deg", "225 deg", "315 deg")
 FEW_THINGS = 8  # objects up to which points of regions, groups of three and fine steps of numbers take part
 MIDPOINTS = ("left", "right", "top", "bottom")
@@ -86,7 +86,14 @@ def vocabulary(lowering: Lowering) -> GrammarNames:
     taken = {*scope.values(), *scope.functions()}
     free = [name for name in chain("pqrstuvw", (f"p{k}" for k in range(len(taken) + 2))) if name not in taken]
     own = frozenset(name for name, one in scope.definitions.items() if one.source is not scope.prelude)
-    names = {OBJECT: objects, REGION: (*regions, *surfaces), POINT: points, LIST: lists, HEADING: HEADING_WORDS}
+    names = {
+        OBJECT: objects,
+        REGION: (*regions, *surfaces),
+        POINT: points,
+        LIST: lists,
+        HEADING: HEADING_WORDS,
+        CAMERA: tuple(lowering.cameras),
+    }
     return GrammarNames(names, (free[0], free[1]), own, scope.timed)
 
 
@@ -126,7 +133,7 @@ def calls(relation: str, count: int, own: bool) -> Iterator[PhraseForm]:
     """Calls with so many arguments, of every kind that each may have. The first is never a place: goals are about
     objects."""
     for kinds in product(ARGUMENT_KINDS, repeat=count):
-        if kinds and kinds[0] in (REGION, POINT, HEADING):
+        if kinds and kinds[0] in (REGION, POINT, HEADING, CAMERA):
             continue
         if count > 2 and (POINT in kinds or kinds[0] != OBJECT):
             continue

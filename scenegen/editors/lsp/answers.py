@@ -286,13 +286,14 @@ _ITEMS: Mapping[str, int] = {
     "file": 17,
     "object": 6,  # a variable
     "region": 22,  # a struct
+    "camera": 22,
     "constant": 21,
     "label": 23,  # an event
     "parameter": 25,
     "variable": 25,
 }
 # SymbolKind: object, struct, constant, function, event
-_SYMBOLS: Mapping[str, int] = {"object": 19, "region": 23, "constant": 14, "definition": 12, "label": 24}
+_SYMBOLS: Mapping[str, int] = {"object": 19, "region": 23, "camera": 23, "constant": 14, "definition": 12, "label": 24}
 
 
 class RequestRefused(Exception):  # noqa: N818 - what was wanted cannot be done, and the client learns why: no failure

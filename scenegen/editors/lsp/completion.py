@@ -141,12 +141,16 @@ def _after_operand(here: _WordAtCursor, kind: str) -> Iterator[CompletionItem]:
     opens = not text[text.rfind("\n", 0, here.start) + 1 : here.start].strip()
     if opens and _depth(here.before) == 0:
         yield from _keywords(here, *STATEMENTS)
+        yield here.item("camera", "keyword", about=vocabulary.CLAUSE_TEXTS["camera"])
     if not here.before:
         return
     if kind == "object" and _depth(here.before) == 0:
         yield from _keywords(here, "at")
         words = ("by area",) if _in_support(here.before) else ("on", "of")
         for word in words:
+            yield here.item(word, "keyword", about=vocabulary.CLAUSE_TEXTS[word])
+    elif kind == "camera" and _depth(here.before) == 0:
+        for word in ("looks at", "fov"):
             yield here.item(word, "keyword", about=vocabulary.CLAUSE_TEXTS[word])
     elif kind in ("label", "def", "require", "formula"):
         waiting = [one.text for one in here.before if one.text in ("forall", "exists", "∀", "∃", ":")]
@@ -260,7 +264,7 @@ def _locals(here: _WordAtCursor, offset: int) -> dict[str, Binding]:
 
 def _operands(here: _WordAtCursor, kind: str) -> Iterator[CompletionItem]:
     document = here.document
-    constant = kind in ("const", "workspace", "object", "region")
+    constant = kind in ("const", "workspace", "object", "region", "camera")
     called = _open_call(here)
     if called and here.back(1) in ("(", ","):
         yield from _arguments(here, called)

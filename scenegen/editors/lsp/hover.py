@@ -402,6 +402,8 @@ def _name_text(document: Document, binding: Binding, value: list[str]) -> list[s
             return [_code(written), *told, *([_number(extent)] if extent is not None else value)]
         case "region":
             return [_code(written), *told, *region(document, binding.name)]
+        case "camera":
+            return [_code(written), *told]
         case "label":
             return [f"**label** `{binding.name}`", *told]
         case "parameter":
@@ -416,7 +418,7 @@ def _about_token(token: Token) -> list[str]:
     if token.text in names.KEYWORDS_IN_WORDS:
         return [f"**{token.text}**: {names.KEYWORDS_IN_WORDS[token.text]}"]
     if token.kind == "number":
-        number = token.text.rstrip("acdegmnrtu").rstrip()
+        number = token.text.rstrip("acdegmnrtu%").rstrip()
         suffix = token.text[len(number) :].strip()
         amount, unit = quantity(number, suffix)
         if unit == ANGLE:

@@ -18,18 +18,18 @@ from typing import Literal
 from scenegen.errors import Source, SpecError
 from scenegen.geometry import PRIMITIVES
 from scenegen.lang.check.regions import SIGNATURES
-from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, signature_of, signatures
+from scenegen.lang.check.scope import HEIGHTS, LIST_FUNCTIONS, SIGHT, signature_of, signatures
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 from scenegen.lang.syntax.printer import print_expr
 from scenegen.lang.syntax.tokens import KEYWORDS, STATEMENTS, Token, has_time, openings, scan
 
-Kind = Literal["object", "region", "constant", "definition", "label", "parameter", "variable"]
+Kind = Literal["object", "region", "camera", "constant", "definition", "label", "parameter", "variable"]
 Role = Literal["declaration", "value", "call", "member", "argument", "asset", "import"]
 
 _OPENS, _CLOSES = ("(", "["), (")", "]")
 _QUANTIFIERS = ("forall", "exists", "∀", "∃")
-_DECLARING: dict[str, Kind] = {"region": "region", "const": "constant", "def": "definition"}
+_DECLARING: dict[str, Kind] = {"region": "region", "camera": "camera", "const": "constant", "def": "definition"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,6 +131,8 @@ def _statements(text: str) -> Iterator[StatementSpan]:
 def _kind(tokens: tuple[Token, ...]) -> str:
     if tokens[0].text in STATEMENTS and not (tokens[0].text == "workspace" and tokens[1:2] and tokens[1].text == "."):
         return tokens[0].text
+    if tokens[0].text == "camera" and len(tokens) > 1 and tokens[1].kind == "name":
+        return "camera"
     is_label = len(tokens) > 1 and tokens[1].text == ":" and tokens[0].kind == "name"
     return "label" if is_label else "formula"
 
@@ -225,6 +227,8 @@ class _Walk:
             self._use(token, "member", base.text if base is not None and base.kind == "name" else "")
         elif kind == "label" and at == 0:
             self._bind("label", token, self.statement.start, self.statement.end)
+        elif kind == "camera" and (at == 0 or (depth == 0 and token.text in ("looks", "fov") and at > 1)):
+            return  # `camera front = at ... looks at ... fov ...`: no keywords elsewhere
         elif kind in _DECLARING and at == 1:
             self._bind(_DECLARING[kind], token, self.statement.start, self.statement.end)
         elif kind == "object" and depth == 0 and before in ("object", ","):
@@ -305,6 +309,9 @@ KEYWORDS_IN_WORDS: Mapping[str, str] = {
 
 CLAUSE_TEXTS: Mapping[str, str] = {
     "on": "what an object stands on: object mug on tray, book on shelfunit.shelf[2]",
+    "camera": "a camera: camera front = at (0.5, -0.6, 0.7) looks at (0.5, 0.4, 0) fov 60 deg, 4:3",
+    "looks at": "the point that a camera looks at: looks at (0.5, 0.4, 0)",
+    "fov": "the angle of a picture's height, then its width and height: fov 60 deg, 4:3",
     "of": 'another asset of an index in each scene: object mug of category("mug")',
     "any of": "one of several surfaces, all equally likely: object mug on any of [tray, workspace]",
     "by area": "surfaces are as likely as they are large: object mug on any of [tray, workspace] by area",
@@ -362,6 +369,7 @@ UNIT_TEXTS: Mapping[str, str] = {
     "rad": "radians",
     "deg": "degrees",
     "turn": "full turns",
+    "%": "hundredths",
 }
 
 
@@ -377,6 +385,8 @@ def _meaning(name: str) -> str:
         return _COORDINATE_TEXTS[name]
     if name in HEIGHTS:
         return HEIGHTS[name]
+    if name in SIGHT:
+        return SIGHT[name]
     return LIST_FUNCTIONS[name] if name in LIST_FUNCTIONS else PRIMITIVES[name].doc
 
 
@@ -413,7 +423,7 @@ def notes(binding: Binding) -> tuple[str, str]:
         called, formula = usage(binding)
         return called, remark(binding) or formula
     written = " ".join(binding.source.text[binding.end : binding.closes].split()).lstrip("=: ")
-    return (written[:60] if binding.kind in ("constant", "region") else ""), remark(binding)
+    return (written[:60] if binding.kind in ("constant", "region", "camera") else ""), remark(binding)
 
 
 def usage(definition: Binding) -> tuple[str, str]:

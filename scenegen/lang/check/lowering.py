@@ -215,7 +215,9 @@ class Lowering(ABC):
         return NumberValue(result, unit, origin=self.origin(node, frame))
 
     def _mismatch(self, mismatch: UnitMismatch, verb: str, node: ast.Node, frame: CallFrame) -> SpecError:
-        facts = {"left": mismatch.left.words, "verb": verb, "right": mismatch.right.words}
+        facts: dict[str, Any] = {"left": mismatch.left.words, "verb": verb, "right": mismatch.right.words}
+        if mismatch.left.share or mismatch.right.share:
+            facts["share"] = True
         if mismatch.left.time or mismatch.right.time:
             facts["times"] = UNITS_OF_TIME
         return self.error(UNIT_MISMATCH, node, frame, **facts)

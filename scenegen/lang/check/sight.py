@@ -11,11 +11,17 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from scenegen.errors import Diagnostic, Source, SpecError
-from scenegen.errors.declarations import MEASURED_TOO_EARLY, SIZE_OUT_OF_RANGE, TOO_MANY_CASES, WRONG_CAMERA, WRONG_SHARES
-from scenegen.errors.language import NOT_CONSTANT, SAME_ARGUMENT_TWICE
+from scenegen.errors import Diagnostic, Source, Span, SpecError
+from scenegen.errors.declarations import (
+    MEASURED_TOO_EARLY,
+    SIZE_OUT_OF_RANGE,
+    TOO_MANY_CASES,
+    WRONG_CAMERA,
+    WRONG_SHARES,
+)
+from scenegen.errors.language import NOT_CONSTANT, SAME_ARGUMENT_TWICE, WRONG_UNIT
 from scenegen.geometry import MATH, POINT, PRIMITIVES
-from scenegen.geometry.primitives import ANGLE, BARE, LENGTH
+from scenegen.geometry.primitives import ANGLE, BARE, LENGTH, SHARE
 from scenegen.geometry.workspace import MAX_COORDINATE
 from scenegen.lang.check.heights import MOST_CASES, by_cases, height_in, level
 from scenegen.lang.check.scope import Declared
@@ -45,10 +51,13 @@ def camera(lowering: Lowering, declared: Declared) -> SpecCamera:
     field = _number(lowering, statement.field, source, "the field of view of a camera", ANGLE)
     if not LEVEL < field < math.pi - LEVEL:
         raise SpecError(WRONG_CAMERA(statement.field.span(source), angle=math.degrees(field)))
-    sides = [_number(lowering, one, source, "a side of a picture") for one in (statement.width, statement.height)]
-    ratio = sides[0] / sides[1] if sides[1] else math.inf
+    width, height = (
+        _number(lowering, one, source, "a side of a picture") for one in (statement.width, statement.height)
+    )
+    ratio = width / height if height > 0.0 else math.inf
     if not 1.0 / MOST_ASPECT <= ratio <= MOST_ASPECT:
-        raise SpecError(WRONG_CAMERA(statement.width.span(source), ratio=ratio, most=MOST_ASPECT))
+        here = Span(source, statement.width.start, statement.height.end)
+        raise SpecError(WRONG_CAMERA(here, width=width, height=height, most=MOST_ASPECT))
     return SpecCamera(declared.name.id, eye, target, field, ratio)
 
 
@@ -91,7 +100,10 @@ def check_shares(lowering: Lowering, least: Value, most: Value, node: ast.Call, 
     for value in (least, most):
         if isinstance(value, AnyValue):
             return
-        share = lowering.builder.value(lowering.coerce.number(value, "a share").node)
+        number = lowering.coerce.number(value, "a share")
+        share = lowering.builder.value(number.node)
+        if number.unit not in (BARE, SHARE):
+            raise SpecError(WRONG_UNIT(value.origin, what="a share", found=number.unit.words))
         if share is None:
             raise SpecError(NOT_CONSTANT(value.origin, what="a share"))
         if not 0.0 <= share <= 1.0:
@@ -133,7 +145,7 @@ def sight_function(lowering: Lowering, name: str, values: list[Value], node: ast
         raise lowering.error(TOO_MANY_CASES, node, frame, limit=MOST_CASES)
     if lowering.builder.value(number) is None:
         lowering.builder.called.setdefault(number, f"{name}({', '.join(map(lowering.text, values))})")
-    return NumberValue(number, BARE if name == "visibleShare" else LENGTH, origin=origin)
+    return NumberValue(number, SHARE if name == "visibleShare" else LENGTH, origin=origin)
 
 
 def _pose(lowering: Lowering, which: int) -> tuple[int, ...]:

@@ -35,7 +35,8 @@ PRIOR = (
     f"places and headings are uniform; for any other distribution weight the scenes afterwards, in Python; {SAYS_MORE}"
 )
 CAMERA_HELP = (
-    f"there is no camera in a spec: draw masks of the scenes and keep those that show enough of it; {SAYS_MORE}"
+    "declare a camera, camera front = at (0.5, -0.6, 0.7) looks at (0.5, 0.4, 0) fov 60 deg, 4:3, and write "
+    "visible({a}, front, 30 %), unhidden({a}, front) or inView({a}, front)"
 )
 ON_HELP = "write restsOn({a}, {b}); what {a} stands on is declared: object {a} on {b}"
 UNDER = "write underneath({a}, {b}); `belowOf` is along y"

@@ -203,9 +203,6 @@ def _foreign(source: Source, start: int) -> Diagnostic | None:
         return MISSING_SIGN(Span(source, start, start + 1), head=line, parameters=True)
     if text[start] == "=" and line.removesuffix(":").rstrip().isidentifier() and line.endswith(":"):
         return FOREIGN_SIGN(Span(source, text.rfind(":", 0, start), start + 1), operator=":=", instead="`:`")
-    if text[start] == "%" and (share := ending(r"(\d+(?:\.\d+)?)\s*$", text[:start])) is not None:
-        instead = f"the share as a number, {float(share[1]) / 100:g}, times a length"
-        return FOREIGN_SIGN(Span(source, start, start + 1), operator="%", instead=instead)
     if text[start] == "=" and text[start + 1 : start + 2] != "=" and line.isidentifier():
         return MISSING_SIGN(Span(source, start, start + 1), name=line, formula="...")
     if text[start : start + 2] == "!=" or text[start - 1 : start + 1] == "!=":

@@ -203,6 +203,8 @@ _EXPECTED = (
     ({"X"}, "`x` and the second interval: workspace [0, 1] x [0, 1]"),
     ({"LSQB", "EQUAL"}, "`=`"),
     ({"LSQB"}, "an interval such as [0, 1]"),
+    ({"LOOKS_AT"}, "the point that the camera looks at: looks at (0.5, 0.4, 0)"),
+    ({"FOV"}, "the angle of the picture's height: fov 60 deg, 4:3"),
     ({"LPAR"}, "`(`"),
     ({"EQUAL"}, "`=`"),
     ({"COLON"}, "`:`"),

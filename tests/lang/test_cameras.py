@@ -1,0 +1,172 @@
+"""Cameras: the statement, what names they take, and what their relations say of scenes; shares against pictures."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+import scenegen
+from scenegen.geometry import NUMPY, Circle, Polygon
+from scenegen.geometry.footprint import corners, edges
+from scenegen.lang.checker import check_text
+from scenegen.lang.formula.interpret import phi
+from scenegen.learn.robustness import Robustness
+from scenegen.looks.camera import from_place
+
+CAMERA = "camera front = at (0.5, -0.6, 0.7) looks at (0.5, 0.4, 0) fov 60 deg, 4:3\n"
+THINGS = """object mug = cylinder(4 cm, 9 cm), carton = box(8 cm, 6 cm, 20 cm), bottle = cylinder(3.5 cm, 25 cm)
+object wedge = prism([(-0.1, -0.05), (0.1, -0.05), (0, 0.1)], 6 cm)
+"""
+
+
+def worth(text, rows):
+    return phi(check_text(CAMERA + THINGS + text).core, list(rows), NUMPY)["task"]
+
+
+def scenes(count, seed=0, objects=4):
+    rng = np.random.default_rng(seed)
+    rows = rng.uniform(size=(3 * objects, count))
+    rows[2::3] *= 2.0 * math.pi
+    return rows
+
+
+def test_the_words_of_a_camera_are_names_elsewhere():
+    spec = check_text(CAMERA + "object camera, fov, looks\ntask: inView(camera, front) & leftOf(fov, looks)")
+    assert spec.objects == ("camera", "fov", "looks") and [one.name for one in spec.cameras] == ["front"]
+    front = spec.cameras[0]
+    assert front.field == pytest.approx(math.pi / 3.0) and front.aspect == pytest.approx(4.0 / 3.0)
+    assert front.ahead == (0.0, 1.0) and front.slope == pytest.approx(
+        (0.7 / math.hypot(1, 0.7), 1 / math.hypot(1, 0.7))
+    )
+
+
+def test_an_unused_camera_is_noticed():
+    (warning,) = check_text(CAMERA + "leftOf: leftOf(a, b)").warnings
+    assert warning.code == "unused-name" and warning.facts["name"] == "front"
+
+
+def test_definitions_take_cameras_and_replace_those_of_the_prelude():
+    text = CAMERA + "object mug, cup\ndef seen(a, eye) = unhidden(a, eye) & inView(a, eye)\ntask: seen(mug, front)"
+    assert check_text(text).labels == ("task",)
+    assert check_text("def visible(a) = leftOf(a, (0.5, 0.5))\ntask: visible(mug)").labels == ("task",)
+
+
+def test_a_camera_straight_above():
+    text = "camera top = at (0.5, 0.5, 2) looks at (0.5, 0.5, 0) fov 60 deg, 1:1\n"
+    text += "object a = cylinder(5 cm, 5 cm) at (0.5, 0.5), b = cylinder(5 cm, 5 cm)\n"
+    core = check_text(text + "task: unhidden(b, top)").core
+    # the copies of a are around the same middle, the larger one 2 / 1.95 times as large
+    assert phi(core, [0.5, 0.5, 0.0, 0.7, 0.5, 0.0])["task"] == pytest.approx(0.2 - 0.05 - 0.05 * 2 / 1.95)
+
+
+def test_the_view_is_that_of_pictures():
+    """A body is in view where all of its corners fall into the picture of the renderer's camera."""
+    rows = scenes(400)
+    margin = worth("task: inView(carton, front) | x(mug) + x(bottle) + x(wedge) <= -9", rows)
+    eye, target = np.array([0.5, -0.6, 0.7]), np.array([0.5, 0.4, 0.0])
+    for k in range(rows.shape[1]):
+        x, y, theta = rows[3:6, k]
+        cos, sin = math.cos(theta), math.sin(theta)
+        points = [
+            (x + cos * u - sin * v, y + sin * u + cos * v, z)
+            for u in (-0.04, 0.04)
+            for v in (-0.03, 0.03)
+            for z in (0, 0.2)
+        ]
+        pixels = from_place(np.array(points), (400, 300), eye, target, 60.0).project(points)
+        inside = (pixels >= 0).all() and (pixels <= [400, 300]).all()
+        assert inside == (margin[k] >= 0.0)
+
+
+def test_torch_and_slopes():
+    text = "task: visible(mug, front, 30 %, 60 %)"
+    rows = scenes(3000)
+    core = check_text(CAMERA + THINGS + text).core
+    numbers = phi(core, list(rows), NUMPY)["task"]
+    tensor = torch.from_numpy(rows).requires_grad_()
+    value = Robustness(core).rows(tensor)
+    assert np.abs(value.detach().numpy() - numbers).max() < 1e-12
+    (slope,) = torch.autograd.grad(value.sum(), tensor)
+    assert torch.isfinite(slope).all()
+    step = 1e-7
+    direction = np.random.default_rng(1).normal(size=rows.shape)
+    along = (
+        phi(core, list(rows + step * direction), NUMPY)["task"]
+        - phi(core, list(rows - step * direction), NUMPY)["task"]
+    ) / (2 * step)
+    close = np.abs(along - (slope.numpy() * direction).sum(0)) < 1e-4 * (1.0 + np.abs(along))
+    assert close.mean() > 0.99  # the rest are at a kink
+
+
+def test_a_share_has_a_slope_where_the_picture_does_not_change():
+    """Ahead of all shadows, and deep in one."""
+    text = CAMERA + "object cup = cylinder(2 cm, 5 cm), wall = box(30 cm, 10 cm, 40 cm) at (0.5, 0.3, 0)\n"
+    share = check_text(text + "task: visibleShare(cup, front) >= 0").core
+    rows = np.array([[0.95, 0.5, 0.52], [0.6, 0.5, 0.5], [0, 0, 0], [0.5] * 3, [0.3] * 3, [0] * 3])
+    found = phi(share, list(rows), NUMPY)["task"]
+    assert found[0] > 1.0 > 0.0 > found[2] > found[1] >= -1.0
+
+
+def nearest_bodies(spec, row, size):
+    """Which body each pixel of a picture of the camera shows first, -1 for none, and whether it would show the first
+    body if that was alone: by rays, cut with half-planes and discs one by one."""
+    camera = spec.cameras[0]
+    view = from_place(np.zeros((1, 3)), size, np.array(camera.eye), np.array(camera.target), math.degrees(camera.field))
+    columns, rows = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
+    origin, way = view.rays(columns, rows)
+    nearest, which, alone = np.full(columns.shape, np.inf), np.full(columns.shape, -1), None
+    for number, shape in enumerate(spec.shapes):
+        x, y, theta = row[3 * number : 3 * number + 3]
+        cos, sin = math.cos(theta), math.sin(theta)
+        start = np.stack(
+            [
+                cos * (origin[..., 0] - x) + sin * (origin[..., 1] - y),
+                cos * (origin[..., 1] - y) - sin * (origin[..., 0] - x),
+            ]
+        )
+        step = np.stack([cos * way[..., 0] + sin * way[..., 1], cos * way[..., 1] - sin * way[..., 0]])
+        low, high = np.full(columns.shape, 1e-9), np.full(columns.shape, np.inf)
+        planes = [(way[..., 2], shape.height - origin[..., 2]), (-way[..., 2], origin[..., 2])]
+        if isinstance(shape.footprint, Circle):
+            a, b, c = (step**2).sum(0), (start * step).sum(0), (start**2).sum(0) - shape.footprint.radius**2
+            root = np.sqrt(np.maximum(b * b - a * c, 0.0))
+            low, high = np.maximum(low, (-b - root) / a), np.where(b * b > a * c, (-b + root) / a, -np.inf)
+        else:
+            for (nx, ny), offset, *_ in edges(Polygon(corners(shape.footprint))):
+                planes.append((nx * step[0] + ny * step[1], offset - nx * start[0] - ny * start[1]))
+        for rate, room in planes:  # rate * t <= room
+            limit = room / np.where(rate == 0.0, 1e-300, rate)
+            low, high = (
+                np.where(rate < 0.0, np.maximum(low, limit), low),
+                np.where(rate > 0.0, np.minimum(high, limit), high),
+            )
+        hit = low < high
+        alone = hit if alone is None else alone
+        nearer = hit & (low < nearest)
+        nearest, which = np.where(nearer, low, nearest), np.where(nearer, number, which)
+    return which, alone
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("target", ["mug", "carton", "wedge"])
+def test_shares_are_those_of_pictures(target):
+    """Against pictures by rays: the pixels that show the thing, over those that show it where it is alone."""
+    order = [target, *(name for name in ("mug", "carton", "bottle", "wedge") if name != target)]
+    lines = {
+        line.split(" = ")[0]: line
+        for line in THINGS.replace("object ", "")
+        .replace(", carton", "\ncarton")
+        .replace(", bottle", "\nbottle")
+        .splitlines()
+    }
+    things = "object " + ", ".join(lines[name] for name in order) + "\n"
+    spec = scenegen.parse(CAMERA + things + f"require noOverlap()\ntask: visible({target}, front, 2 %, 98 %)")
+    drawn = scenegen.sample(spec, phi={"task": (0, None)}, n=30, seed=3)
+    core = check_text(CAMERA + things + f"task: visibleShare({target}, front) >= 0").core
+    shares = phi(core, list(drawn.poses.reshape(len(drawn), -1).T), NUMPY)["task"]
+    errors = []
+    for row, share in zip(drawn.poses.reshape(len(drawn), -1), shares, strict=True):
+        which, alone = nearest_bodies(spec.checked, row, (1200, 900))
+        errors.append(abs(share - (which == 0).sum() / alone.sum()))
+    assert max(errors) < 0.02 and np.mean(errors) < 0.005, (max(errors), np.mean(errors))

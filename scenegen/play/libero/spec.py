@@ -372,7 +372,7 @@ class _Task:
         if not self.moved:
             wanted = "a task whose goal puts a thing somewhere"
             raise RequestError(WRONG_VALUE(argument="visible", value="the share of nothing", wanted=wanted))
-        shares = [f"visibleShare({name}, {AGENT_VIEW}) >= 0" for name in sorted(self.moved)]
+        shares = [f"visibleShare({name}, {AGENT_VIEW}) >= 0 %" for name in sorted(self.moved)]
         pictured = [f"require inView({name}, {AGENT_VIEW})" for name in sorted(self.moved)]
         return "\n".join([*pictured, f"visible: {' & '.join(shares)}"])
 

@@ -1,20 +1,20 @@
 """Starts of LIBERO's tasks by the share of the target that its camera sees, held against LIBERO's own masks.
 
-    MUJOCO_GL=egl python -m experiments.libero_sight OUT.jsonl --suite libero_object --states 5 [--only REGEX]
+    MUJOCO_GL=egl python -m experiments.libero_sight OUT.jsonl --suite libero_object --states 3 [--only REGEX]
     python -m experiments.libero_sight OUT.jsonl --table
 
 A line of JSON for each task and share; what is there already is left out. Each state is set in another environment of
-LIBERO's, after another seed. The share by masks is that of the target's pixels in the picture of `agentview`, 256 x 256,
-to those that it has there where nothing else is drawn.
+LIBERO's, after another seed. The share by masks is that of the target's pixels in the picture of `agentview` (256 x
+256) to those that it has there where nothing else is drawn.
 """
 
 from __future__ import annotations
 
 import argparse
-import gc
 import json
 import re
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -46,36 +46,26 @@ def mask_share(env: Any, live: LiveModel, name: str) -> float:
     return seen / alone
 
 
-def measure(task: LiberoTask, shares: list[float], states: int, seed: int) -> list[dict[str, Any]]:
+def measure(task: LiberoTask, shares: list[float], states: int, seed: int) -> Iterator[dict[str, Any]]:
     """The states of a task at each share, with phi of the spec, the share by rays, and that by masks."""
+    seer = make_environment(task, seed + 1, pictures=True)
     env = make_environment(task, seed)
-    own = spec_of(env, sight=True)
-    lines, made = [], []
+    own, live = spec_of(env, sight=True), LiveModel(seer)
     for share in shares:
         begun, used = time.time(), time.process_time()
         line: dict[str, Any] = {"suite": task.suite, "task": task.name, "share": share, "n": 0}
         try:
             found = init_states(env, {"visible": (share - HALF, share + HALF)}, states, spec=own, seed=seed)
-            line |= {"n": len(found.states), "drawn": found.drawn, "refused": dict(found.refused)}
+            line |= {"n": len(found.states), "drawn": found.drawn, "refused": dict(found.refused), "masks": []}
             line |= {"phi": found.phi["visible"].tolist(), "rays": found.read["visible"].tolist()}
-            made.append(found.states)
+            for row in found.states:
+                seer.set_init_state(row)
+                line["masks"].append(min(mask_share(seer, live, name) for name in own.moved))
         except RequestError as error:
             line["error"] = str(error).splitlines()[0]
-            made.append(np.zeros((0, 0)))
-        line |= {"seconds": round(time.time() - begun, 1), "cpu_s": round(time.process_time() - used, 1)}
-        lines.append(line)
+        yield {**line, "seconds": round(time.time() - begun, 1), "cpu_s": round(time.process_time() - used, 1)}
     env.close()
-    del env
-    gc.collect()
-    seer = make_environment(task, seed + 1, pictures=True)
-    live = LiveModel(seer)
-    for line, rows in zip(lines, made, strict=True):
-        line["masks"] = []
-        for row in rows:
-            seer.set_init_state(row)
-            line["masks"].append(min(mask_share(seer, live, name) for name in own.moved))
     seer.close()
-    return lines
 
 
 def table(lines: list[dict[str, Any]]) -> None:
@@ -101,7 +91,7 @@ def main() -> None:
     reader = argparse.ArgumentParser(description=__doc__)
     reader.add_argument("out", type=Path)
     reader.add_argument("--suite", default="libero_object")
-    reader.add_argument("--states", type=int, default=5)
+    reader.add_argument("--states", type=int, default=3)
     reader.add_argument("--seed", type=int, default=0)
     reader.add_argument("--only", default="", help="a regular expression for names of tasks")
     reader.add_argument("--table", action="store_true")
@@ -111,12 +101,13 @@ def main() -> None:
         return
     done = set()
     if given.out.exists():
-        done = {json.loads(line)["task"] for line in given.out.read_text().splitlines()}
+        done = {(one["task"], one["share"]) for one in map(json.loads, given.out.read_text().splitlines())}
     for task in tasks_of(given.suite):
-        if task.name not in done and re.search(given.only, task.name):
-            lines = measure(task, list(SHARES), given.states, given.seed)
-            with given.out.open("a") as file:
-                file.writelines(json.dumps(line) + "\n" for line in lines)
+        left = [share for share in SHARES if (task.name, share) not in done]
+        if left and re.search(given.only, task.name):
+            for line in measure(task, left, given.states, given.seed):
+                with given.out.open("a") as file:
+                    file.write(json.dumps(line) + "\n")
 
 
 if __name__ == "__main__":

@@ -81,6 +81,7 @@ def test_shares_of_nothing_are_refused(live):
         spec_of(env, sight=True)
 
 
+@pytest.mark.long
 def test_what_a_thing_may_stand_on_hides_it_where_it_stands_elsewhere():
     spec = scenegen.parse(
         "camera front = at (0.5, -0.9, 0.3) looks at (0.5, 0.5, 0) fov 50 deg, 1:1\n"

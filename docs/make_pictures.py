@@ -171,13 +171,28 @@ def heights(folder: Path) -> None:
     small("heights.png", side_by_side(pictures, 3), smooth=True)
 
 
+FRONT = "[camera]\nposition = [0.5, -0.6, 0.7]\nlook_at = [0.5, 0.4, 0]\nfov = 60\n"
+
+
+def camera(folder: Path) -> None:
+    """What the camera of a spec sees of a mug, from all of it to hardly anything."""
+    (folder / "front.toml").write_text(FRONT)
+    spec = scenegen.load(SPECS / "occlusion_ladder.spec")
+    pictures: list[Path] = []
+    for label in spec.labels:
+        scenes = scenegen.sample(spec, phi={label: (0.0, None)}, n=1, seed=4)
+        made = scenes.render(folder / label, views=("look",), size=(440, 330), looks=str(folder / "front.toml"))
+        pictures += made.pictures
+    small("camera.png", side_by_side(pictures, 4), smooth=True)
+
+
 def assets(folder: Path) -> None:
     """All objects of the library."""
     (folder / "library.png").write_bytes(library_sheet(gallery(sorted(ASSETS), (320, 240))))
     small("assets.png", Image.open(folder / "library.png"))
 
 
-MADE = {one.__name__: one for one in (dinner, growth, setting, views, looks, heights, assets)}
+MADE = {one.__name__: one for one in (dinner, growth, setting, views, looks, heights, camera, assets)}
 
 
 def main() -> None:

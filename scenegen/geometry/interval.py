@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.arrays import Array
-from scenegen.geometry import clearance
+from scenegen.geometry import clearance, shadow, share
 from scenegen.geometry.footprint import Circle, Footprint, Measures, half_width, measures
 from scenegen.geometry.namespace import NUMPY
 from scenegen.pose import TWO_PI
@@ -571,3 +571,113 @@ def _translate(far: Interval, limit: Array, pose: tuple[Interval, ...], *, from_
         bx, ax = back_sub(dx, bx, ax)
         by, ay = back_sub(dy, by, ay)
     return ax, ay, at, bx, by, bt
+
+
+# Shadows (scenegen.geometry.shadow).
+#
+# The interval rule: over all directions, one bound holds from below for each, and moving or turning anything changes
+# the maximum by a multiple of how far it moves; `scale` copies of b move and turn as often as far.
+
+
+def shadow_gap(a: Footprint, b: Footprint, *numbers: Interval) -> Interval:
+    ax, ay, _, bx, by, _, eye_x, eye_y, first, last = numbers
+    one, other = measures(a), measures(b)
+    scale = np.maximum(magnitude(first), magnitude(last))
+    away = hypot(sub(bx, eye_x), sub(by, eye_y))
+    halves = [split(part) for part in numbers]
+    value = shadow.shadow_gap(NUMPY, a, b, *(middle for middle, _ in halves))
+    of_a, of_b, of_eye = (halves[k][1] + halves[k + 1][1] for k in (0, 3, 6))
+    slack = of_a + one.turn * halves[2][1] + scale * (of_b + other.turn * halves[5][1]) + (1.0 + scale) * of_eye
+    slack = slack + (away.hi + other.outer) * (halves[8][1] + halves[9][1])
+    gap = hypot(sub(ax, eye_x), sub(ay, eye_y))
+    bound = Interval(
+        value - slack, np.minimum(value + slack, gap.hi - one.inner + scale * (away.hi - min(other.inner, 0.0)))
+    )
+    angles = directions(value)
+    bound = narrow(bound, _shadow_bounds(a, b, numbers, angles).max(0), math.inf)
+    return loosen(bound, _shadow_rounding(a, b, numbers))
+
+
+def _shadow_bounds(a: Footprint, b: Footprint, numbers: tuple[Interval, ...], angles: Array) -> Array:
+    """For each direction a lower bound of how far a is beyond the shadow, up to rounding."""
+    ax, ay, at, bx, by, bt, eye_x, eye_y, first, last = numbers
+    dx, dy = sub(bx, eye_x), sub(by, eye_y)
+    ray = -_least_along(neg(dx), neg(dy), angles) + support(b, sub(_points(angles), bt)).hi
+    furthest = np.maximum.reduce(np.broadcast_arrays(first.lo * ray, first.hi * ray, last.lo * ray, last.hi * ray))
+    back = support(a, sub(_points(angles + math.pi), at)).hi
+    return _least_along(sub(ax, eye_x), sub(ay, eye_y), angles) - back - furthest
+
+
+def _shadow_rounding(a: Footprint, b: Footprint, numbers: tuple[Interval, ...]) -> Array:
+    ax, ay, at, bx, by, bt, eye_x, eye_y, first, last = numbers
+    lengths = magnitude(ax, ay, bx, by, eye_x, eye_y) + measures(a).outer + measures(b).outer
+    return ERROR * lengths * (1.0 + magnitude(at, bt)) * (1.0 + magnitude(first, last))
+
+
+@quiet
+def back_shadow(a: Footprint, b: Footprint, result: Interval, *numbers: Interval) -> Intervals:
+    """In no direction is a further beyond the shadow than the clearance: along x and y that narrows both places. Where
+    b must reach so far for the shadow to do so, the larger copy says how far."""
+    ax, ay, at, bx, by, bt, eye_x, eye_y, first, last = numbers
+    slack = _shadow_rounding(a, b, numbers) + ERROR * size(result)
+    angles = _axes(slack)
+    dx, dy = sub(bx, eye_x), sub(by, eye_y)
+    back = support(a, sub(_points(angles + math.pi), at)).hi
+    round_b = support(b, sub(_points(angles), bt)).hi
+    ray = -_least_along(neg(dx), neg(dy), angles) + round_b
+    furthest = np.maximum.reduce(np.broadcast_arrays(first.lo * ray, first.hi * ray, last.lo * ray, last.hi * ray))
+    most = result.hi + slack + back + furthest  # of a from the eye, in each direction
+    ax, _ = back_sub(Interval(-most[2], most[0]), ax, eye_x)
+    ay, _ = back_sub(Interval(-most[3], most[1]), ay, eye_y)
+    # max(first X, last X) >= needed: X >= needed / s for the s that gives the least
+    needed = _least_along(sub(ax, eye_x), sub(ay, eye_y), angles) - back - result.hi - slack
+    scales = (first.lo, first.hi, last.lo, last.hi)
+    least = np.minimum.reduce(np.broadcast_arrays(*(needed / scale for scale in scales))) - round_b
+    least = least - EPS * (np.abs(needed) + np.abs(round_b)) - slack
+    least = np.where(np.minimum(first.lo, last.lo) > 0.0, least, -math.inf)
+    bx, _ = back_sub(Interval(least[0], -least[2]), bx, eye_x)
+    by, _ = back_sub(Interval(least[1], -least[3]), by, eye_y)
+    return ax, ay, at, bx, by, bt, eye_x, eye_y, first, last
+
+
+# Shares (scenegen.geometry.share).
+#
+# The interval rule: known exactly of points; else nothing is covered, or something is. The backward rule: what is seen
+# says how far the nearest shadow is.
+
+
+SHARE_ROUNDING = 2e-13
+UNDECIDED_SIGN = 1e-9  # metres: clearances nearer to zero may have either sign, computed otherwise
+
+
+def visible_share(*given: Any) -> Interval:
+    _, numbers = share.parts_of(given)
+    gaps = numbers[share.BODY + share.CAMERA + share.OTHER - 1 :: share.OTHER]
+    least = minimum(*gaps)
+    lo, hi = (1.0 + np.maximum(end, 0.0) / share.CLEARANCE_OF_ALL for end in least)
+    lo = np.where(least.lo < 0.0, -1.0, lo)
+    places = [
+        part
+        for at, part in enumerate(numbers)
+        if (at - share.BODY - share.CAMERA) % share.OTHER != share.BODY or at < share.BODY + share.CAMERA
+    ]
+    exact = np.logical_and.reduce(np.broadcast_arrays(least.hi < 0.0, *(part.lo == part.hi for part in places)))
+    for gap in gaps:  # which bodies take part is known, too
+        decided = np.minimum(np.abs(gap.lo), np.abs(gap.hi)) > UNDECIDED_SIGN
+        exact = exact & decided & (gap.hi - gap.lo < UNDECIDED_SIGN)
+    if exact.any():
+        middles = [np.broadcast_to(split(part)[0], exact.shape)[exact] for part in numbers]
+        lo, hi = (np.array(np.broadcast_to(end, exact.shape)) for end in (lo, hi))
+        lo[exact] = hi[exact] = share.visible_share(NUMPY, *given[: len(given) - len(numbers)], *middles)
+    return Interval(lo - SHARE_ROUNDING, hi + SHARE_ROUNDING)
+
+
+def back_share(*given: Any) -> Intervals:
+    count = (len(given) - 1 - share.BODY - share.CAMERA + share.OTHER) // (share.OTHER + 1)
+    wanted, numbers = given[count], given[count + 1 :]
+    gaps = numbers[share.BODY + share.CAMERA + share.OTHER - 1 :: share.OTHER]
+    lo = np.where(wanted.lo > 1.0, (wanted.lo - 1.0) * share.CLEARANCE_OF_ALL - SHARE_ROUNDING, -np.inf)
+    hi = np.maximum(wanted.hi - 1.0, 0.0) * share.CLEARANCE_OF_ALL + SHARE_ROUNDING
+    out = list(numbers)
+    out[share.BODY + share.CAMERA + share.OTHER - 1 :: share.OTHER] = back_minimum(Interval(lo, hi), *gaps)
+    return tuple(out)

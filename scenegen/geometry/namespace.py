@@ -61,8 +61,9 @@ class Namespace(Protocol):
         ...
 
     def only(self, condition: Any, function: Callable[..., Any], otherwise: Sequence[Any], *numbers: Any) -> Any:
-        """function(namespace, *numbers) where the condition holds, a tuple, and `otherwise` elsewhere. It gets arrays
-        whose last axis is that of the condition, cut down to those places where that saves work, and constants."""
+        """function(namespace, *numbers) where the condition holds, a tuple, and `otherwise` elsewhere. It gets
+        constants, and arrays with one axis in the place of the condition's, cut down to those places where that saves
+        work; axes before these stay."""
         ...
 
     def spread(self, low: Any, high: Any, count: int) -> Any:
@@ -96,15 +97,17 @@ def _numpy_only(condition: Any, function: Callable[..., Any], otherwise: Sequenc
     shape = np.shape(condition)
     places = np.flatnonzero(condition)
 
-    def some(number: Any) -> Any:
-        return np.broadcast_to(number, (*np.shape(number)[:-1], np.size(condition)))[..., places]
+    def take(number: Any) -> Any:
+        before = np.shape(number)[: max(0, np.ndim(number) - len(shape))]
+        return np.broadcast_to(number, (*before, *shape)).reshape(*before, -1)[..., places]
 
     if not places.size:
         return [np.broadcast_to(other, shape) for other in otherwise]
-    found = function(NUMPY, *(some(one) if np.ndim(one) else one for one in numbers))
+    found = function(NUMPY, *(take(one) if np.ndim(one) else one for one in numbers))
     filled = []
     for value, other in zip(found, otherwise, strict=True):
-        whole = np.array(np.broadcast_to(other, (*value.shape[:-1], np.size(condition))))
+        flat = np.broadcast_to(other, shape).reshape(-1)
+        whole = np.array(np.broadcast_to(flat, (*value.shape[:-1], flat.size)))
         whole[..., places] = value
         filled.append(whole.reshape(*value.shape[:-1], *shape))
     return filled

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal
 
 from scenegen.geometry import clearance, shadow, share
@@ -171,12 +172,6 @@ class Primitive:
     crowd: int = 0
     drawn: Literal["", "centres", "gap", "room", "turn", "edge"] = ""
 
-    def kinds(self, shapes: int) -> tuple[Shape, ...]:
-        """What the arguments are where so many of them are footprints."""
-        if not self.crowd:
-            return self.params
-        return self.params + self.params[-self.crowd :] * (shapes - self.params.count("footprint"))
-
     @property
     def spatial(self) -> bool:
         """Whether it takes places or footprints."""
@@ -337,15 +332,24 @@ PRIMITIVES: dict[str, Primitive] = {
             "direction of b seen from a, an angle in (-pi, pi]; 0 where they coincide", relative=True,
         ),
         Primitive(
-            "shadowGap", (*_FOOTPRINTS, "place", *_TWO), shadow.shadow_gap, shadow.shadow_interval,
+            "shadowGap", (*_FOOTPRINTS, "place", *_TWO), shadow.shadow_gap, iv.shadow_gap,
             lambda a, b, eye, first, last: LENGTH,
             "clearance of a footprint and the shadow of another one from a place: the hull of its enlarged copies",
-            hidden=True, backward=shadow.back_shadow, smooth=True,
+            hidden=True, backward=iv.back_shadow, smooth=True,
         ),
         Primitive(
             "visibleShare", (*_BODY, *["number"] * share.CAMERA, *_BODY, "number"), share.visible_share,
-            share.share_interval, lambda *units: SHARE, "share of a body's silhouette that no nearer body covers",
-            hidden=True, backward=share.back_share, crowd=len(_BODY) + 1,
+            iv.visible_share, lambda *units: SHARE, "share of a body's silhouette that no nearer body covers",
+            hidden=True, backward=iv.back_share, crowd=len(_BODY) + 1,
         ),
     )
 }  # fmt: skip
+
+
+@cache
+def argument_kinds(name: str, shapes: int) -> tuple[Shape, ...]:
+    """What the arguments of a primitive are where so many of them are footprints."""
+    primitive = PRIMITIVES[name]
+    if not primitive.crowd:
+        return primitive.params
+    return primitive.params + primitive.params[-primitive.crowd :] * (shapes - primitive.params.count("footprint"))

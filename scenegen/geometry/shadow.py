@@ -12,17 +12,11 @@ body, or in the direction from a corner (or the centre of a disc) of the shadow 
 
 from __future__ import annotations
 
-import math
 from functools import reduce
 from typing import Any
 
-import numpy as np
-
-from scenegen.arrays import Array
-from scenegen.geometry import interval as iv
-from scenegen.geometry.footprint import Box, Circle, Footprint, corners, edges, measures
-from scenegen.geometry.interval import Interval, Intervals
-from scenegen.geometry.namespace import NUMPY, Namespace
+from scenegen.geometry.footprint import Box, Circle, Footprint, corners, edges
+from scenegen.geometry.namespace import Namespace
 
 Vector = tuple[Any, Any]
 Turn = tuple[Any, Any]  # cosine and sine
@@ -48,7 +42,7 @@ def shadow_gap(
     from_eye, body = (ax - eye_x, ay - eye_y), (bx - eye_x, by - eye_y)
     a_turn, b_turn = _turn(ns, a, a_theta), _turn(ns, b, b_theta)
 
-    def beyond(nx: Any, ny: Any) -> Any:
+    def clearance(nx: Any, ny: Any) -> Any:
         """How far a is beyond the shadow in a direction."""
         shadow = nx * body[0] + ny * body[1] + _reach(ns, b, b_turn, nx, ny)
         back = _reach(ns, a, a_turn, -nx, -ny)
@@ -61,7 +55,7 @@ def shadow_gap(
         directions += [_unit(ns, *way) for way in ways]
     else:
         directions.append(_unit(ns, *_shortest(ns, ways)))
-    return reduce(ns.maximum, [beyond(*direction) for direction in directions])
+    return reduce(ns.maximum, [clearance(*direction) for direction in directions])
 
 
 def _turn(ns: Namespace, shape: Footprint, theta: Any) -> Turn:
@@ -127,68 +121,3 @@ def _shortest(ns: Namespace, ways: list[Vector]) -> Vector:
         nearer = other < square
         x, y, square = ns.where(nearer, u, x), ns.where(nearer, v, y), ns.where(nearer, other, square)
     return x, y
-
-
-# The interval rule: over all directions, one bound holds from below for each, and moving or turning anything changes
-# the maximum by a multiple of how far it moves; `scale` copies of b move and turn as often as far.
-
-
-def shadow_interval(a: Footprint, b: Footprint, *numbers: Interval) -> Interval:
-    ax, ay, _, bx, by, _, eye_x, eye_y, first, last = numbers
-    one, other = measures(a), measures(b)
-    scale = np.maximum(iv.magnitude(first), iv.magnitude(last))
-    away = iv.hypot(iv.sub(bx, eye_x), iv.sub(by, eye_y))
-    halves = [iv.split(part) for part in numbers]
-    value = shadow_gap(NUMPY, a, b, *(middle for middle, _ in halves))
-    of_a, of_b, of_eye = (halves[k][1] + halves[k + 1][1] for k in (0, 3, 6))
-    slack = of_a + one.turn * halves[2][1] + scale * (of_b + other.turn * halves[5][1]) + (1.0 + scale) * of_eye
-    slack = slack + (away.hi + other.outer) * (halves[8][1] + halves[9][1])
-    gap = iv.hypot(iv.sub(ax, eye_x), iv.sub(ay, eye_y))
-    bound = Interval(
-        value - slack, np.minimum(value + slack, gap.hi - one.inner + scale * (away.hi - min(other.inner, 0.0)))
-    )
-    angles = iv.directions(value)
-    bound = iv.narrow(bound, _beyond(a, b, numbers, angles).max(0), math.inf)
-    return iv.loosen(bound, _rounding(a, b, numbers))
-
-
-def _beyond(a: Footprint, b: Footprint, numbers: tuple[Interval, ...], angles: Array) -> Array:
-    """For each direction a lower bound of how far a is beyond the shadow, up to rounding."""
-    ax, ay, at, bx, by, bt, eye_x, eye_y, first, last = numbers
-    dx, dy = iv.sub(bx, eye_x), iv.sub(by, eye_y)
-    ray = -iv._least_along(iv.neg(dx), iv.neg(dy), angles) + iv.support(b, iv.sub(iv._points(angles), bt)).hi
-    shadow = np.maximum.reduce(np.broadcast_arrays(first.lo * ray, first.hi * ray, last.lo * ray, last.hi * ray))
-    back = iv.support(a, iv.sub(iv._points(angles + math.pi), at)).hi
-    return iv._least_along(iv.sub(ax, eye_x), iv.sub(ay, eye_y), angles) - back - shadow
-
-
-def _rounding(a: Footprint, b: Footprint, numbers: tuple[Interval, ...]) -> Array:
-    ax, ay, at, bx, by, bt, eye_x, eye_y, first, last = numbers
-    lengths = iv.magnitude(ax, ay, bx, by, eye_x, eye_y) + measures(a).outer + measures(b).outer
-    return iv.ERROR * lengths * (1.0 + iv.magnitude(at, bt)) * (1.0 + iv.magnitude(first, last))
-
-
-@iv.quiet
-def back_shadow(a: Footprint, b: Footprint, result: Interval, *numbers: Interval) -> Intervals:
-    """In no direction is a further beyond the shadow than the clearance: along x and y that narrows both places. Where
-    b must reach so far for the shadow to do so, the larger copy says how far."""
-    ax, ay, at, bx, by, bt, eye_x, eye_y, first, last = numbers
-    slack = _rounding(a, b, numbers) + iv.ERROR * iv.size(result)
-    angles = iv._axes(slack)
-    dx, dy = iv.sub(bx, eye_x), iv.sub(by, eye_y)
-    back = iv.support(a, iv.sub(iv._points(angles + math.pi), at)).hi
-    round_b = iv.support(b, iv.sub(iv._points(angles), bt)).hi
-    ray = -iv._least_along(iv.neg(dx), iv.neg(dy), angles) + round_b
-    shadow = np.maximum.reduce(np.broadcast_arrays(first.lo * ray, first.hi * ray, last.lo * ray, last.hi * ray))
-    most = result.hi + slack + back + shadow  # of a from the eye, in each direction
-    ax, _ = iv.back_sub(Interval(-most[2], most[0]), ax, eye_x)
-    ay, _ = iv.back_sub(Interval(-most[3], most[1]), ay, eye_y)
-    # max(first X, last X) >= needed: X >= needed / s for the s that gives the least
-    needed = iv._least_along(iv.sub(ax, eye_x), iv.sub(ay, eye_y), angles) - back - result.hi - slack
-    scales = (first.lo, first.hi, last.lo, last.hi)
-    least = np.minimum.reduce(np.broadcast_arrays(*(needed / scale for scale in scales))) - round_b
-    least = least - iv.EPS * (np.abs(needed) + np.abs(round_b)) - slack
-    least = np.where(np.minimum(first.lo, last.lo) > 0.0, least, -math.inf)
-    bx, _ = iv.back_sub(Interval(least[0], -least[2]), bx, eye_x)
-    by, _ = iv.back_sub(Interval(least[1], -least[3]), by, eye_y)
-    return ax, ay, at, bx, by, bt, eye_x, eye_y, first, last

@@ -1,6 +1,6 @@
 """The share of a body's silhouette, seen by a camera, that no nearer body covers.
 
-Bodies are upright prisms over footprints. Lengths are added up along ROWS lines of sight from left to right, at equal
+Bodies are upright prisms over footprints. Lengths are added up along SIGHT_LINES lines from left to right, at equal
 distances from the lowest to the highest point of the silhouette: on each, a body is one interval, and what is seen of
 it is what the union of the others leaves. A body covers another one only where its shadow reaches that
 (scenegen.geometry.shadow), so those whose clearance is not negative take no part.
@@ -15,17 +15,13 @@ from collections.abc import Iterator, Sequence
 from functools import reduce
 from typing import Any
 
-import numpy as np
-
-from scenegen.geometry import interval as iv
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, corners
-from scenegen.geometry.interval import Interval, Intervals
-from scenegen.geometry.namespace import NUMPY, Namespace
+from scenegen.geometry.namespace import Namespace
 
-ROWS = 32  # lines of sight
-CLEAR = 0.1  # metres of clearance that count as much as a whole silhouette
+SIGHT_LINES = 32  # of a picture, from left to right, on which a silhouette is measured
+CLEARANCE_OF_ALL = 0.1  # metres of clearance that count as much as a whole silhouette
 LEAST = 1e-9  # of what is divided by: lengths in metres, and of directions
-NEAREST = 1e-3  # metres ahead of the eye: what is nearer is taken to be so far away
+LEAST_DEPTH = 1e-3  # metres ahead of the eye: what is nearer is taken to be so far away
 
 BODY, CAMERA, OTHER = 5, 7, 6
 """How many numbers: of the body x, y, heading, lowest and highest point; of the camera x, y, z, the level direction in
@@ -35,20 +31,23 @@ the clearance to its shadow."""
 
 def visible_share(ns: Namespace, *given: Any) -> Any:
     """Of footprints, the first of which is that of the body, and numbers as BODY, CAMERA and OTHER say."""
-    shapes, numbers = _parts(given)
+    shapes, numbers = parts_of(given)
     gaps = numbers[BODY + CAMERA + OTHER - 1 :: OTHER]
+    for number, shape in enumerate(shapes):
+        if isinstance(shape, Circle):  # whose heading may be that of other scenes
+            numbers[2 + (BODY + CAMERA + (number - 1) * OTHER if number else 0)] = 0.0
     least = reduce(ns.minimum, gaps)
-    clear = 1.0 + ns.maximum(least, 0.0 * least) / CLEAR
+    clear = 1.0 + ns.maximum(least, 0.0 * least) / CLEARANCE_OF_ALL
 
     # Sizes may be numbers, too: of many bodies that are alike but for them (scenegen.learn.robustness.deciding).
     sizes = [size for shape in shapes for size in _sizes(shape)]
 
-    def covered(inner: Namespace, *some: Any) -> Any:
+    def share_of_some(inner: Namespace, *some: Any) -> Any:
         left = iter(some[len(numbers) :])
         bodies = [_with_sizes(shape, left) for shape in shapes]
         return (_share(inner, bodies, some),)
 
-    (share,) = ns.only(least < 0.0, covered, (clear,), *numbers, *sizes)
+    (share,) = ns.only(least < 0.0, share_of_some, (clear,), *numbers, *sizes)
     return share
 
 
@@ -72,7 +71,7 @@ def _with_sizes(shape: Footprint, sizes: Iterator[Any]) -> Footprint:
             return shape
 
 
-def _parts(given: Sequence[Any]) -> tuple[list[Footprint], list[Any]]:
+def parts_of(given: Sequence[Any]) -> tuple[list[Footprint], list[Any]]:
     count = (len(given) - BODY - CAMERA + OTHER) // (OTHER + 1)
     return list(given[:count]), list(given[count:])
 
@@ -117,7 +116,7 @@ class _Body:
         if isinstance(self.shape, Circle):
             ends = [self.ahead - self.shape.radius, self.ahead + self.shape.radius]
         heights = [
-            (view.sin * y + view.cos * z) / ns.maximum(view.cos * y - view.sin * z, 0.0 * y + NEAREST)
+            (view.sin * y + view.cos * z) / ns.maximum(view.cos * y - view.sin * z, 0.0 * y + LEAST_DEPTH)
             for y in ends
             for z in self.levels
         ]
@@ -140,8 +139,8 @@ class _Body:
             z = way * rise
             scale = ns.maximum(way, 0.0 * way + LEAST)
             ends.append(((z >= self.levels[0]) & (z <= self.levels[1]) & (way > LEAST) & real, x / scale, x / scale))
-        lows = [ns.where(hit, left, 0.0 * left + FAR) for hit, left, _ in ends]
-        highs = [ns.where(hit, right, 0.0 * right - FAR) for hit, _, right in ends]
+        lows = [ns.where(hit, left, 0.0 * left + BESIDE_ALL) for hit, left, _ in ends]
+        highs = [ns.where(hit, right, 0.0 * right - BESIDE_ALL) for hit, _, right in ends]
         return reduce(ns.minimum, lows), reduce(ns.maximum, highs)
 
     def _chords(self, y: Any) -> list[tuple[Any, Any, Any]]:
@@ -174,7 +173,7 @@ class _Body:
         ]
 
 
-FAR = 1e6  # to the right in a picture: beyond everything
+BESIDE_ALL = 1e6  # to the right in a picture: beyond everything
 
 
 def _away_from_zero(ns: Namespace, a: Any) -> Any:
@@ -186,7 +185,7 @@ def _share(ns: Namespace, shapes: Sequence[Footprint], numbers: Sequence[Any]) -
     view = _View(ns, numbers[BODY : BODY + CAMERA])
     body = view.body(shapes[0], numbers[:BODY])
     low, high = body.extent()
-    rows = ns.spread(low, high, ROWS)
+    rows = ns.spread(low, high, SIGHT_LINES)
     left, right = body.slices(rows)
     width = ns.maximum(right - left, 0.0 * left)
     right = left + width
@@ -203,9 +202,9 @@ def _share(ns: Namespace, shapes: Sequence[Footprint], numbers: Sequence[Any]) -
             return other.slices(some[there])
 
         numbers_of = (*numbers[at : at + BODY], *numbers[BODY : BODY + CAMERA], rows, *sizes)
-        begin, end = ns.only(numbers[at + BODY] < 0.0, slices, (FAR, -FAR), *numbers_of)
+        begin, end = ns.only(numbers[at + BODY] < 0.0, slices, (BESIDE_ALL, -BESIDE_ALL), *numbers_of)
         slack = ns.minimum(left - begin, end - right)
-        inside = reduce(ns.minimum, list(slack)) * (ROWS / size)
+        inside = reduce(ns.minimum, list(slack)) * (SIGHT_LINES / size)
         inside = ns.maximum(inside, 0.0 * inside)
         depth = ns.maximum(depth, inside / (1.0 + inside))
         begin, end = ns.minimum(ns.maximum(begin, left), right), ns.minimum(ns.maximum(end, left), right)
@@ -228,39 +227,3 @@ def _union(ns: Namespace, starts: list[Any], ends: list[Any]) -> Any:
         length = length + ns.maximum(more, 0.0 * more)
         reached = ns.maximum(reached, end)
     return length
-
-
-# The interval rule: known exactly of points; else nothing is covered, or something is. The backward rule: what is seen
-# says how far the nearest shadow is.
-
-
-ROUNDING = 2e-13
-UNDECIDED = 1e-9  # metres: clearances nearer to zero may have either sign, computed otherwise
-
-
-def share_interval(*given: Any) -> Interval:
-    _, numbers = _parts(given)
-    gaps = numbers[BODY + CAMERA + OTHER - 1 :: OTHER]
-    least = iv.minimum(*gaps)
-    lo, hi = (1.0 + np.maximum(end, 0.0) / CLEAR for end in least)
-    lo = np.where(least.lo < 0.0, -1.0, lo)
-    places = [part for at, part in enumerate(numbers) if (at - BODY - CAMERA) % OTHER != BODY or at < BODY + CAMERA]
-    exact = np.logical_and.reduce(np.broadcast_arrays(least.hi < 0.0, *(part.lo == part.hi for part in places)))
-    for gap in gaps:  # which bodies take part is known, too
-        exact = exact & (gap.hi - gap.lo < UNDECIDED) & (np.minimum(np.abs(gap.lo), np.abs(gap.hi)) > UNDECIDED)
-    if exact.any():
-        middles = [np.broadcast_to(iv.split(part)[0], exact.shape)[exact] for part in numbers]
-        lo, hi = (np.array(np.broadcast_to(end, exact.shape)) for end in (lo, hi))
-        lo[exact] = hi[exact] = visible_share(NUMPY, *given[: len(given) - len(numbers)], *middles)
-    return Interval(lo - ROUNDING, hi + ROUNDING)
-
-
-def back_share(*given: Any) -> Intervals:
-    count = (len(given) - 1 - BODY - CAMERA + OTHER) // (OTHER + 1)
-    wanted, numbers = given[count], given[count + 1 :]
-    gaps = numbers[BODY + CAMERA + OTHER - 1 :: OTHER]
-    lo = np.where(wanted.lo > 1.0, (wanted.lo - 1.0) * CLEAR - ROUNDING, -np.inf)
-    hi = np.maximum(wanted.hi - 1.0, 0.0) * CLEAR + ROUNDING
-    out = list(numbers)
-    out[BODY + CAMERA + OTHER - 1 :: OTHER] = iv.back_minimum(Interval(lo, hi), *gaps)
-    return tuple(out)

@@ -189,6 +189,7 @@ def shape_objects(draft: Draft) -> None:
 
 
 def place_regions(draft: Draft) -> None:
+    """Where regions and cameras are."""
     lowering, regions = draft.lowering, list(draft.scope.regions.values())
     for declared in regions:
         if draft.problems.full:
@@ -198,14 +199,9 @@ def place_regions(draft: Draft) -> None:
                 areas(lowering, declared)
     if regions:
         draft.problems.extend(level_clash(lowering, regions))
-
-
-def place_cameras(draft: Draft) -> None:
     for declared in draft.scope.cameras.values():
-        if draft.problems.full:
-            break
         with draft.problems:
-            draft.lowering.cameras[declared.name.id] = camera(draft.lowering, declared)
+            lowering.cameras[declared.name.id] = camera(lowering, declared)
 
 
 def stand_objects(draft: Draft) -> None:
@@ -252,12 +248,6 @@ def stand_objects(draft: Draft) -> None:
         draft.space = space
 
 
-def clear_cameras(draft: Draft) -> None:
-    """No camera is inside of an object that does not move."""
-    if not draft.problems and draft.scope.cameras:
-        draft.problems.extend(camera_clash(draft.lowering, draft.fixed))
-
-
 def check_constants(draft: Draft) -> None:
     """Constants that no formula uses are checked all the same."""
     scope, lowering = draft.scope, draft.lowering
@@ -297,6 +287,8 @@ def lower_formulas(draft: Draft) -> None:
     if draft.problems:
         return
     scope = draft.scope
+    if scope.cameras:
+        draft.problems.extend(camera_clash(draft.lowering, draft.fixed))
     if draft.fixed and sum(place < len(scope.objects) for place in draft.fixed) == len(scope.objects):
         last = list(scope.things.values())[-1]
         draft.problems.append(NO_FREE_OBJECT(last.name.span(last.source)))
@@ -468,9 +460,7 @@ PASSES: tuple[Pass, ...] = (
     shape_objects,
     refuse,
     place_regions,
-    place_cameras,
     stand_objects,
-    clear_cameras,
     check_constants,
     lower_formulas,
     check_uncalled,

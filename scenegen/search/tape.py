@@ -351,16 +351,14 @@ def make_tape(core: Core, lowest: Array, highest: Array, effort: Effort | None =
     loops = _loops(writer, effort)
     nodes = tuple(writer.nodes)
     where = tuple(algebra.where)
-    batches, crowded = make_batches(nodes), _crowded(nodes)
-    return Tape(nodes, where, algebra.rows, writer.differences, writer.affine, loops, batches, crowded)
-
-
-def _crowded(nodes: Sequence[Node]) -> frozenset[int]:
-    found = {at for at, node in enumerate(nodes) if isinstance(node, Apply) and PRIMITIVES[node.primitive].crowd}
-    for at, node in enumerate(nodes) if found else ():
-        if not found.isdisjoint(children(node)):
-            found.add(at)
-    return frozenset(found)
+    crowded: set[int] = set()
+    for at, node in enumerate(nodes):
+        if (isinstance(node, Apply) and PRIMITIVES[node.primitive].crowd) or (
+            crowded and not crowded.isdisjoint(children(node))
+        ):
+            crowded.add(at)
+    batches = make_batches(nodes)
+    return Tape(nodes, where, algebra.rows, writer.differences, writer.affine, loops, batches, frozenset(crowded))
 
 
 class _Forms(Algebra[AffineForm]):

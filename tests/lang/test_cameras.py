@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import scenegen
 from scenegen.geometry import NUMPY, Circle, Polygon
@@ -13,6 +15,11 @@ from scenegen.lang.checker import check_text
 from scenegen.lang.formula.interpret import phi
 from scenegen.learn.robustness import Robustness
 from scenegen.looks.camera import from_place
+from scenegen.search.contract import contract_box
+from scenegen.search.effort import Effort
+from scenegen.search.tape import make_tape
+
+from ..laws import examples
 
 CAMERA = "camera front = at (0.5, -0.6, 0.7) looks at (0.5, 0.4, 0) fov 60 deg, 4:3\n"
 THINGS = """object mug = cylinder(4 cm, 9 cm), carton = box(8 cm, 6 cm, 20 cm), bottle = cylinder(3.5 cm, 25 cm)
@@ -106,6 +113,33 @@ def test_a_share_has_a_slope_where_the_picture_does_not_change():
     rows = np.array([[0.95, 0.5, 0.52], [0.6, 0.5, 0.5], [0, 0, 0], [0.5] * 3, [0.3] * 3, [0] * 3])
     found = phi(share, list(rows), NUMPY)["task"]
     assert found[0] > 1.0 > 0.0 > found[2] > found[1] >= -1.0
+
+
+LABELS = """all: inView(mug, front) & unhidden(carton, front)
+some: visible(mug, front, 30 %, 60 %)
+share: 2 * visibleShare(wedge, front) >= 1
+"""
+
+
+@settings(deadline=None, max_examples=examples(40))
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 1e-6, 0.05, 0.4, 1.0]), st.sampled_from([0.0, 1e-3, 0.2]))
+def test_contraction_loses_no_planted_scene(seed, width, slack):
+    """Whatever box a scene lies in: bounds hold its phi, and what is left of the box where that is wanted holds it."""
+    core = check_text(CAMERA + THINGS + LABELS).core
+    rng = np.random.default_rng(seed)
+    row = scenes(1, seed)[:, 0]
+    low, high = row - width * rng.uniform(size=12), row + width * rng.uniform(size=12)
+    tape = make_tape(core, low, high)
+    worth = phi(core, list(row[:, None]), NUMPY)
+    for name, value in worth.items():
+        number = float(np.ravel(value)[0])
+        free = contract_box(tape, low, high, {}, Effort(), 1)
+        at = tape.where[core.labels[name]]
+        assert free.lo[at] - 1e-9 <= number <= free.hi[at] + 1e-9
+        left = contract_box(tape, low, high, {core.labels[name]: (number - slack, number + slack)}, Effort(), 4)
+        assert left.alive
+        for place, node in tape.rows.items():
+            assert left.lo[node] <= row[place] <= left.hi[node]
 
 
 def nearest_bodies(spec, row, size):

@@ -8,7 +8,7 @@ from typing import Literal
 
 from scenegen.errors import Span
 from scenegen.geometry import MATH, POINT, PRIMITIVES, Footprint, Primitive
-from scenegen.geometry.primitives import Unit
+from scenegen.geometry.primitives import Unit, argument_kinds
 from scenegen.lang.formula.core import (
     Apply,
     Atom,
@@ -64,6 +64,8 @@ def _pieces(nodes: Sequence[Node], objects: Sequence[str], index: int, demanded:
             return [f"{NAMES[axis]}({objects[which]})"]
         case Apply("neg", (value,)):
             return ["-", (value, 3)]
+        case Apply(primitive, args, _) if PRIMITIVES[primitive].crowd:
+            return [f"{PRIMITIVES[primitive].name}(", *_place(nodes, objects, args[:2]), ", ...)"]
         case Apply(primitive, args, shapes) if PRIMITIVES[primitive].spatial:
             return _spatial(nodes, objects, PRIMITIVES[primitive], args, shapes)
         case Apply(primitive, args) if primitive in _INFIX:
@@ -98,7 +100,7 @@ def _spatial(
     """A primitive over places and footprints: two or three coordinates make one argument."""
     pieces: list[str | tuple[int, int]] = [f"{primitive.name}("]
     waiting = list(shapes)
-    kinds: tuple[str, ...] = primitive.kinds(len(shapes))
+    kinds: tuple[str, ...] = argument_kinds(primitive.name, len(shapes))
     at = 0
     for position, kind in enumerate(kinds):
         pieces += [", "] if position else []

@@ -22,6 +22,7 @@ from scenegen.errors.declarations import HEADING_COMPARED
 from scenegen.geometry import MATH, NUMPY, PRIMITIVES, Namespace
 from scenegen.geometry.footprint import Circle, Footprint, measures
 from scenegen.geometry.namespace import turning
+from scenegen.geometry.primitives import argument_kinds
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node, children, last_uses
 from scenegen.pose import FLAT, PLACE, THETA, along, owner
 
@@ -521,7 +522,7 @@ def _whole_turns(node: Apply) -> Iterator[bool]:
     if primitive.variadic:
         yield from (False for _ in node.args)
         return
-    for kind in primitive.kinds(len(node.shapes)):
+    for kind in argument_kinds(node.primitive, len(node.shapes)):
         if kind == "number":
             yield primitive.of_angle
         else:

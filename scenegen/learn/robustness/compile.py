@@ -97,14 +97,15 @@ def _only(condition: Tensor, function: Callable[..., Any], otherwise: Sequence[A
     if not len(places):
         return [torch.as_tensor(other).expand(condition.shape) for other in otherwise]
 
-    def some(number: Any) -> Any:
+    def take(number: Any) -> Any:
         if not isinstance(number, Tensor) or not number.ndim:
             return number
-        return number.expand(*number.shape[:-1], count)[..., places]
+        before = number.shape[: max(0, number.ndim - condition.ndim)]
+        return number.expand(*before, *condition.shape).reshape(*before, count)[..., places]
 
     filled = []
-    for value, other in zip(function(TORCH, *map(some, numbers)), otherwise, strict=True):
-        whole = torch.as_tensor(other, dtype=value.dtype, device=value.device)
+    for value, other in zip(function(TORCH, *map(take, numbers)), otherwise, strict=True):
+        whole = torch.as_tensor(other, dtype=value.dtype, device=value.device).expand(condition.shape).reshape(-1)
         whole = whole.expand(*value.shape[:-1], count).clone()
         whole[..., places] = value
         filled.append(whole.reshape(*value.shape[:-1], *condition.shape))

@@ -16,7 +16,8 @@ from scenegen.arrays import Array
 from scenegen.errors import quoted
 from scenegen.errors.learning import NOTHING_TO_MOVE, WRONG_ACTION
 from scenegen.errors.requests import CANNOT_BE_HELD, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
-from scenegen.geometry import PRIMITIVES, Circle
+from scenegen.geometry import Circle
+from scenegen.geometry.primitives import argument_kinds
 from scenegen.lang.formula.core import Apply, Atom, Coord, Core, gate, part_of
 from scenegen.lang.spec import CheckedSpec, members_of
 from scenegen.play.environments.gym_errors import as_choice, as_names, as_quantity, gym_error
@@ -97,7 +98,7 @@ def headings(core: Core) -> set[int]:
             read.add(node.margin)
         elif isinstance(node, Apply):
             shapes, args = iter(node.shapes), iter(node.args)
-            for kind in PRIMITIVES[node.primitive].kinds(len(node.shapes)) if node.shapes else ():
+            for kind in argument_kinds(node.primitive, len(node.shapes)) if node.shapes else ():
                 taken = list(islice(args, ARGUMENT_WIDTHS[kind]))
                 read.update(taken[:THETA] if kind == "footprint" and isinstance(next(shapes), Circle) else taken)
             read.update(args)

@@ -21,8 +21,9 @@ from types import MappingProxyType
 import numpy as np
 
 from scenegen.arrays import Array
-from scenegen.geometry import PRIMITIVES, Footprint
+from scenegen.geometry import Footprint
 from scenegen.geometry.footprint import POINT, Circle
+from scenegen.geometry.primitives import argument_kinds
 from scenegen.lang.formula.core import (
     REQUIRE,
     Apply,
@@ -51,7 +52,7 @@ def nodes_read(node: Node) -> list[int]:
     read: list[int] = []
     at = 0
     shapes = iter(node.shapes)
-    for kind in PRIMITIVES[node.primitive].kinds(len(node.shapes)):
+    for kind in argument_kinds(node.primitive, len(node.shapes)):
         size = {"number": 1, "place": len(PLACE), "footprint": len(FLAT)}[kind]
         args = node.args[at : at + size]
         at += size

@@ -37,7 +37,7 @@ MISS = -0.001  # phi of starts that miss, at most
 SEEN = "visible"  # the label of the share that LIBERO's camera sees
 SHARE_TOLERANCE = 0.01  # by which that share, by rays, may be out of its range
 LEAST, TRIES = 174, 10  # scenes that are drawn at most: if none of them is good, and for each state
-DRAW_TIMEOUT = 60.0  # seconds of a draw
+DRAW_TIMEOUT, SIGHT_TIMEOUT = 60.0, 300.0  # seconds of a draw, and of one at a range of `visible`
 UPRIGHT_DRAWS = 6  # draws without a success, after which what the goal has in a fixture is tried in other attitudes
 PRESS_DEPTH = 0.0002  # metres by which solved things are lowered onto fixtures, whose tops are not quite level
 LOWER_FROM = 0.0005  # metres over its floor from where a thing is lowered
@@ -126,8 +126,9 @@ def init_states(
     verdicts: list[_Verdict] = []
     good: list[tuple[_Verdict, Start]] = []
     side = None
-    spread: Spread = "base" if SEEN in ranges else "flat"  # flat, a part of a range that is out of reach takes its time
-    starts = RangeStarts(own.spec, lambda: ranges, as_int("seed", seed), DRAW_TIMEOUT, first=n + n // 4, spread=spread)
+    spread: Spread = "base" if SEEN in ranges else "flat"  # flat, what is out of reach of a range costs its time
+    timeout = SIGHT_TIMEOUT if SEEN in ranges else DRAW_TIMEOUT
+    starts = RangeStarts(own.spec, lambda: ranges, as_int("seed", seed), timeout, first=n + n // 4, spread=spread)
     while len(good) < n and len(verdicts) < max(TRIES * n if good else 0, LEAST):
         if not missing and not good and len(verdicts) >= UPRIGHT_DRAWS:
             side = len(verdicts) - UPRIGHT_DRAWS

@@ -2,11 +2,13 @@
 
     python -m experiments.libero OUT.jsonl --states 50 [--only REGEX]
     python -m experiments.libero OUT.jsonl --states 10 --lot 53 # ten tasks by lot that put something on or in a fixture
-    python -m experiments.libero OUT.jsonl --table # what there is, by suite; with --lot, how the states hold elsewhere
+    python -m experiments.libero OUT.jsonl --states 5 --lost experiments/libero.jsonl # tasks whose states failed
+    python -m experiments.libero OUT.jsonl --table # by suite; with --lot or --lost, how the states hold elsewhere
 
 The first states of each request are then judged as LIBERO's evaluation does, in an environment of LIBERO's own class
 with its defaults (but for cameras): each after another seed and a reset, which puts the fixtures elsewhere in their
-regions, by `set_init_state`, and after 20 steps without an action.
+regions, by `set_init_state`, and after 20 steps without an action. With --seeds 4 there are four such resets, and all
+states are judged after each. With --exact they are set by `set_scene`, and are states of the scene as it is.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ import os
 import random
 import re
 import signal
+import tempfile
 import time
 import traceback
 import warnings
@@ -28,19 +31,21 @@ from typing import Any
 
 import numpy as np
 
+from scenegen.libero import SettledStates, set_scene
 from scenegen.play.libero.files import LIBERO_SUITES, LiberoTask, make_environment, tasks_of
 from scenegen.play.libero.measure import LiveModel
 
 REQUESTS: dict[str, Any] = {"miss": None, "solved": {"goal": (0.0, None)}}
 
 
-def measure(task: LiberoTask, states: int, seed: int, anew: int, requests: list[str]) -> dict[str, Any]:
+def measure(task: LiberoTask, given: argparse.Namespace) -> dict[str, Any]:
     """One task: what was made, and what a fresh environment says of it."""
     from scenegen.libero import init_states, spec_of
 
+    states, seed, requests = given.states, given.seed, given.request
     begun = time.time()
     env = make_environment(task, seed)
-    own = spec_of(env)
+    own = spec_of(env, anywhere=not given.exact)
     line: dict[str, Any] = {"imports": True, "spec_s": round(time.time() - begun, 2)}
     made = {}
     for name in requests:
@@ -62,31 +67,37 @@ def measure(task: LiberoTask, states: int, seed: int, anew: int, requests: list[
             "cpu_s": round(time.process_time() - used, 1),
             "phi": [round(float(end), 5) for end in np.sort(found.phi["goal"])[[0, -1]]] if len(found.states) else [],
         }
-    if not anew:
+    if not given.anew:
         return line
     env.close()
     begun = time.time()
     for name, found in made.items():
-        line[name] |= judge(task, found.states[:anew], seed + 1)
+        line[name] |= judge(task, found, given)
     line["judge_s"] = round(time.time() - begun, 1)
     return line
 
 
-def judge(task: LiberoTask, states: Any, seed: int) -> dict[str, Any]:
+def judge(task: LiberoTask, found: SettledStates, given: argparse.Namespace) -> dict[str, Any]:
     """What LIBERO's evaluation sees: success at once and after 20 steps, the initial facts then, and what moved."""
     from libero.libero.envs.env_wrapper import ControlEnv
+
+    folder = tempfile.TemporaryDirectory()
+    file = found.save(Path(folder.name) / "task.pruned_init") if given.exact else None
+    count = min(given.anew, len(found.states))
+    rows, together = list(range(count)) * (given.seeds or 1), count if given.seeds else 1
 
     with contextlib.redirect_stdout(io.StringIO()):
         env = ControlEnv(bddl_file_name=str(task.file), use_camera_obs=False, has_offscreen_renderer=False)
     problem = env.env.parsed_problem
     zones = {name: one["ranges"] for name, one in problem["regions"].items() if one["ranges"]}
     first, last, kept, moved = [], [], [], []
-    for number, state in enumerate(states):
+    for number, row in enumerate(rows):
         with contextlib.redirect_stdout(io.StringIO()):
-            env.seed(seed + number)
-            env.reset()
-            live = LiveModel(env)
-            env.set_init_state(state)
+            if number % together == 0:
+                env.seed(given.seed + 1 + number)
+                env.reset()
+                live = LiveModel(env)
+            env.set_init_state(found.states[row]) if file is None else set_scene(env, file, row)
             before = {name: live.data.xpos[body].copy() for name, body in live.things.items()}
             first.append(bool(env.check_success()))
             for _ in range(20):
@@ -111,7 +122,8 @@ def judge(task: LiberoTask, states: Any, seed: int) -> dict[str, Any]:
                     held.append(bool(env.env._eval_predicate(fact)))
         kept.append(all(held))
     env.close()
-    return {"anew": {"n": len(states), "at_once": sum(first), "after": sum(last), "facts": sum(kept), "moved": moved}}
+    folder.cleanup()
+    return {"anew": {"n": len(rows), "at_once": sum(first), "after": sum(last), "facts": sum(kept), "moved": moved}}
 
 
 def by_lot(seed: int, count: int) -> list[LiberoTask]:
@@ -130,9 +142,20 @@ def by_lot(seed: int, count: int) -> list[LiberoTask]:
     return random.Random(seed).sample(found, count)
 
 
+def lost(recorded: Path) -> list[LiberoTask]:
+    """The tasks of a file of ours some of whose states were not judged the same after other resets."""
+    lines = [json.loads(line) for line in recorded.read_text().splitlines()]
+    solved = [(one, one["solved"]["anew"]) for one in lines]
+    missed = [(one, one["miss"]["anew"]) for one in lines]
+    names = {(one["suite"], one["task"]) for one, anew in solved if min(anew["at_once"], anew["after"]) < anew["n"]}
+    names |= {(one["suite"], one["task"]) for one, anew in missed if max(anew["at_once"], anew["after"]) > 0}
+    print(f"{len(names)} tasks of {recorded} have states that did not hold elsewhere")
+    return [task for suite in LIBERO_SUITES for task in tasks_of(suite) if (task.suite, task.name) in names]
+
+
 def elsewhere(lines: list[dict[str, Any]]) -> None:
     """Prints how the solved states and the starts of each task hold where fixtures stand elsewhere."""
-    print("| task | states | at once | after 20 steps | starts | miss at once | miss after | facts hold | CPU s |")
+    print("| task | solved | at once | after 20 steps | starts | miss at once | miss after | facts hold | CPU s |")
     print("|---|---|---|---|---|---|---|---|---|")
     rows = []
     for one in lines:
@@ -175,12 +198,15 @@ def main() -> None:
     reader.add_argument("--anew", type=int, default=10, help="states of each request to judge after other resets")
     reader.add_argument("--lot", type=int, help="a seed: only tasks drawn by lot that put something on or in a fixture")
     reader.add_argument("--tasks", type=int, default=10, help="how many of these")
+    reader.add_argument("--lost", type=Path, help="a file of ours: only its tasks whose states did not hold elsewhere")
+    reader.add_argument("--seeds", type=int, default=0, help="resets, after each of which all these states are judged")
+    reader.add_argument("--exact", action="store_true", help="states of the scene as it is, by set_scene")
     reader.add_argument("--limit", type=int, default=1800, help="seconds for a task")
     reader.add_argument("--table", action="store_true")
     given = reader.parse_args()
     if given.table:
         lines = [json.loads(line) for line in given.out.read_text().splitlines()]
-        table(lines, given.states) if given.lot is None else elsewhere(lines)
+        table(lines, given.states) if given.lot is None and given.lost is None else elsewhere(lines)
         return
     import libero.libero.envs.env_wrapper  # noqa: F401 - once, before the processes
 
@@ -189,8 +215,12 @@ def main() -> None:
     done = set()
     if given.out.exists():
         done = {(one["suite"], one["task"]) for one in map(json.loads, given.out.read_text().splitlines())}
-    every = [task for suite in LIBERO_SUITES for task in tasks_of(suite)]
-    for task in every if given.lot is None else by_lot(given.lot, given.tasks):
+    tasks = [task for suite in LIBERO_SUITES for task in tasks_of(suite)]
+    if given.lost is not None:
+        tasks = lost(given.lost)
+    elif given.lot is not None:
+        tasks = by_lot(given.lot, given.tasks)
+    for task in tasks:
         line: dict[str, Any] = {"suite": task.suite, "task": task.name}
         if tuple(line.values()) in done or not re.search(given.only, "/".join(line.values())):
             continue
@@ -207,7 +237,7 @@ def main() -> None:
 def _task(out: Path, line: dict[str, Any], task: LiberoTask, given: argparse.Namespace) -> None:
     begun = time.time()
     try:
-        line |= measure(task, given.states, given.seed, given.anew, given.request)
+        line |= measure(task, given)
     except Exception as error:
         line |= {"error": f"{type(error).__name__}: {error}"[:400], "trace": traceback.format_exc()[-500:]}
     _write(out, {**line, "total_s": round(time.time() - begun, 1)})

@@ -26,7 +26,7 @@ from scenegen.needs import need
 from scenegen.play.recent import Recent
 from scenegen.play.tasks import Outcome, PhiBox, Strategy, is_strategy
 from scenegen.pose import as_poses, as_rows, row_count
-from scenegen.sampling.request import Range, SampleRequest
+from scenegen.sampling.request import Range, SampleRequest, Spread
 from scenegen.sampling.streams import STARTS_STREAM
 from scenegen.scenes.arrange import fixed_pose_facts, held_elsewhere, with_switches
 from scenegen.scenes.data import RequestData
@@ -76,6 +76,7 @@ def draw_shuffled(
     keep_partial: bool,
     method: str = "auto",
     workers: int | None = 1,
+    spread: Spread = "flat",
 ) -> SceneSet:
     """Scenes with phi in the ranges in an order of `source`: samplers give them sorted by cells of phi. With one worker
     they are drawn in this process: simulators do not like to be forked. Raises RequestError."""
@@ -85,6 +86,7 @@ def draw_shuffled(
         count,
         seed=seed,
         method=method,
+        spread=spread,
         timeout=timeout,
         workers=workers,
         keep_partial=keep_partial,
@@ -96,7 +98,7 @@ def draw_shuffled(
 
 class RangeStarts:
     """Scenes with phi in a range that `wanted` gives for each. Draws grow from `first` to MAX_STARTS scenes; a range
-    that is asked for again goes on with its own scenes."""
+    that is asked for again goes on with its own scenes. `spread` is that of `scenegen.sample`."""
 
     def __init__(
         self,
@@ -106,9 +108,10 @@ class RangeStarts:
         timeout: float,
         ahead: int = STARTS_AHEAD,
         first: int = FIRST_STARTS,
+        spread: Spread = "flat",
     ) -> None:
         self._spec, self._wanted, self._seed, self._timeout, self._ahead = spec, wanted, seed, timeout, ahead
-        self._first = first
+        self._first, self._spread = first, spread
         self._draws = 0
         self._streams: Recent[SortedRanges, Iterator[Start]] = Recent(MAX_RANGES)
         self._pools: Recent[SortedRanges, list[Start]] = Recent(MAX_RANGES)
@@ -151,7 +154,15 @@ class RangeStarts:
     def _draw(
         self, ranges: Mapping[str, Range], count: int, source: np.random.SeedSequence, keep_partial: bool
     ) -> Iterator[Start]:
-        scenes = draw_shuffled(self._spec, ranges, count, source, timeout=self._timeout, keep_partial=keep_partial)
+        scenes = draw_shuffled(
+            self._spec,
+            ranges,
+            count,
+            source,
+            timeout=self._timeout,
+            keep_partial=keep_partial,
+            spread=self._spread,
+        )
         poses, on = scenes.poses7(), scenes.on
         phi = {label: values.tolist() for label, values in scenes.phi.items()}
         for index in range(len(scenes)):

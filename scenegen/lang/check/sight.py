@@ -26,7 +26,7 @@ from scenegen.geometry.workspace import MAX_COORDINATE
 from scenegen.lang.check.heights import MOST_CASES, by_cases, height_in, level
 from scenegen.lang.check.scope import Declared
 from scenegen.lang.check.values import AnyValue, CallFrame, CameraValue, ListValue, NumberValue, ObjectValue, Value
-from scenegen.lang.spec import LEVEL, Pose, Space, SpecCamera, Support, options_of
+from scenegen.lang.spec import LEVEL, Pose, Space, SpecCamera, Support
 from scenegen.lang.syntax import ast
 from scenegen.pose import FLAT
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from scenegen.lang.check.lowering import Lowering
 
 MOST_ASPECT = 100.0  # of a picture: its longer side over its shorter one
+BESIDE = 10.0  # metres: the clearance from what an object stands on, which is around it, not before it
 FURTHEST_COPY = 1000.0  # how often a shadow is as large as what casts it; beyond, it is longer than any table
 
 
@@ -207,6 +208,8 @@ def _shadow(lowering: Lowering, which: int, other: int, seer: SpecCamera) -> int
     x, y, eye = seer.eye
 
     def in_case(supports: Mapping[int, Support]) -> int:
+        if _stands_on(which, other, supports):
+            return builder.const(BESIDE)
         low, below = height_in(which, supports), height_in(other, supports)
         top, above = low + lowering.shapes[which].height, below + lowering.shapes[other].height
         found = _copies((low, top), (below, above), eye)
@@ -218,21 +221,20 @@ def _shadow(lowering: Lowering, which: int, other: int, seer: SpecCamera) -> int
     return by_cases(lowering, (which, other), in_case)
 
 
-def _carriers(lowering: Lowering, which: int) -> set[int]:
-    """All that an object may stand on, and what that may stand on."""
-    found: set[int] = set()
-    waiting = [which]
-    while waiting:
-        for under in options_of(waiting.pop(), lowering.supports, lowering.choices):
-            if under.carrier is not None and under.carrier not in found:
-                found.add(under.carrier)
-                waiting.append(under.carrier)
-    return found
+def _stands_on(which: int, other: int, supports: Mapping[int, Support]) -> bool:
+    """Whether an object stands on another one, or on what stands on that, where every support is known."""
+    under = supports.get(which)
+    while under is not None and under.carrier is not None:
+        if under.carrier == other:
+            return True
+        under = supports.get(under.carrier)
+    return False
 
 
 def _hiders(lowering: Lowering, which: int) -> list[int]:
-    """All other objects, without what an object stands on: that is around it, not before it."""
-    return sorted({*range(len(lowering.shapes))} - {which} - _carriers(lowering, which))
+    """All other objects, without what an object always stands on: that is around it, not before it."""
+    others = range(len(lowering.shapes))
+    return [one for one in others if one != which and not _stands_on(which, one, lowering.supports)]
 
 
 def _share(lowering: Lowering, which: int, seer: SpecCamera) -> int | None:

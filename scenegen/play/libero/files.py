@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from scenegen.api.request import Phi
 from scenegen.errors import RequestError
 from scenegen.errors.requests import UNKNOWN_CHOICE
@@ -19,7 +21,7 @@ from scenegen.sampling.request import parse_phi
 from scenegen.scenes.files import ensure_folder, write_whole
 
 LIBERO_SUITES = ("libero_spatial", "libero_object", "libero_goal", "libero_10", "libero_90")
-SPEC_LABELS = "goal", "start"
+SPEC_LABELS = "goal", "start", "visible"
 CONFIG_PATHS = "benchmark_root", "bddl_files", "init_states", "datasets", "assets"  # what LIBERO's config.yaml names
 
 
@@ -94,8 +96,9 @@ class StatesJob:
         left = ", ".join(f"{reason} ({count})" for reason, count in report["refused"].items())
         if report["states"] < self.n:
             raise RequestError(PLACEMENT(found=report["states"], wanted=self.n, reasons=left or "there are none"))
-        goal = report["phi"]["goal"]
+        goal, seen = report["phi"]["goal"], report["visible"]
         said = f"{self.n} states of {report['drawn']} scenes, phi of goal {min(goal):.3g} to {max(goal):.3g}"
+        said += f", visible {min(seen):.3g} to {max(seen):.3g}" if seen else ""
         return said + (f"; left out: {left}" if left else "")
 
     def request(self) -> dict[str, object]:
@@ -116,6 +119,7 @@ class StatesJob:
         report = {"task": task.name, "request": self.request(), "states": len(made.states), "drawn": made.drawn}
         report |= {"judged": made.judged, "agreed": made.agreed, "refused": dict(made.refused)}
         report |= {"phi": {label: one.tolist() for label, one in made.phi.items()}, "moved": made.moved.tolist()}
+        report["visible"] = made.read.get("visible", np.zeros(0)).tolist()
         states, specs, reports = (self.out / one / task.suite for one in ("init_files", "specs", "reports"))
         for folder in (self.out, *(one for each in (states, specs, reports) for one in (each.parent, each))):
             ensure_folder(folder)

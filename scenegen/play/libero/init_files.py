@@ -22,9 +22,9 @@ STATES_FILE = "a file of init states"
 FIXTURE_PREFIX = "fixture "  # before the names of fixtures
 
 
-def write_states(path: Path, states: Array, fixtures: Mapping[str, Array]) -> Path:
-    """Write TASK.pruned_init, and TASK.pruned_init.npz, which has the poses (7,) of the fixtures, too. Raises
-    OutputError, and RequestError without torch."""
+def write_states(path: Path, states: Array, fixtures: Mapping[str, Array], task: str) -> Path:
+    """Write TASK.pruned_init, and TASK.pruned_init.npz, which has the poses (7,) of the fixtures and the name of the
+    task, too. Raises OutputError, and RequestError without torch."""
     need("torch", "to write init states")
     import torch
 
@@ -32,7 +32,7 @@ def write_states(path: Path, states: Array, fixtures: Mapping[str, Array]) -> Pa
         torch.save(states, file)
     poses: dict[str, Any] = {f"{FIXTURE_PREFIX}{name}": pose for name, pose in fixtures.items()}
     with whole_file(Path(f"{path}.npz")) as file:
-        np.savez_compressed(file, states=states, **poses)
+        np.savez_compressed(file, states=states, task=np.array(task), **poses)
     return path
 
 
@@ -54,8 +54,8 @@ def read_states(path: Path) -> Array:
 
 
 def read_packed(path: Path) -> dict[str, Array]:
-    """The arrays of TASK.pruned_init.npz: `states` (n, D), which are the first where none has the name. Raises
-    DataError."""
+    """The arrays of TASK.pruned_init.npz: `states` (n, D), which are the first where none has the name, and others by
+    name. Raises DataError."""
     file = io.BytesIO(read_bytes(path, STATES_FILE))
     with _no_other(path), np.load(file) as arrays:
         found = dict(arrays)

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -113,6 +114,7 @@ class LiveModel:
 
         self.mj: Any = mujoco
         self.env: Any = env.env if hasattr(getattr(env, "env", None), "parsed_problem") else env
+        self.task = Path(str(getattr(self.env, "bddl_file_name", ""))).stem  # "" where it is not LIBERO's
         self.sim: Any = self.env.sim
         self.model: Any = self.sim.model._model
         self.data: Any = self.sim.data._data
@@ -191,12 +193,12 @@ class LiveModel:
         origin, turn = self.data.xpos[body], self.data.xmat[body].reshape(3, 3)
         geoms = (geom for geom in range(self.model.ngeom) if self.owner(geom) == name)
         solid = [geom for geom in geoms if self.model.geom_contype[geom] or self.model.geom_conaffinity[geom]]
-        found = [(self._corners(geom) - origin) @ turn for geom in solid]
+        found = [(self.corners(geom) - origin) @ turn for geom in solid]
         lowest = min((one[:, 2].min() for one in found), default=0.0)
         near = [one for one in found if one[:, 2].min() - lowest <= low]
         return np.concatenate(near) if near else np.zeros((0, 3))
 
-    def _corners(self, geom: int) -> Array:
+    def corners(self, geom: int) -> Array:
         """(n, 3): points whose hull is a geom's, or a little larger."""
         kind, size, types = self.model.geom_type[geom], self.model.geom_size[geom], self.mj.mjtGeom
         if kind == types.mjGEOM_MESH:
@@ -218,11 +220,14 @@ class LiveModel:
         number = self.mj.mj_name2id(self.model, self.mj.mjtObj.mjOBJ_SITE, name)
         return self.data.site_xpos[number], self.data.site_xmat[number].reshape(3, 3), self.model.site_size[number]
 
-    def ray(self, origin: Sequence[float] | Array, direction: Sequence[float]) -> tuple[float, str]:
-        """How far it is to the first collision shape, and whose that is; infinite where there is none."""
-        geom, groups = np.array([-1], dtype=np.int32), np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
+    def ray(
+        self, origin: Sequence[float] | Array, direction: Sequence[float] | Array, groups: Collection[int] = (0,)
+    ) -> tuple[float, str]:
+        """How far it is to the first shape of some groups, by default those that collide, and whose that is; infinite
+        where there is none."""
+        geom, asked = np.array([-1], dtype=np.int32), np.array([one in groups for one in range(6)], dtype=np.uint8)
         at, way = np.array(origin, dtype=np.float64), np.array(direction, dtype=np.float64)
-        far = self.mj.mj_ray(self.model, self.data, at, way, groups, 1, -1, geom)
+        far = self.mj.mj_ray(self.model, self.data, at, way, asked, 1, -1, geom)
         return (math.inf, "") if geom[0] < 0 else (float(far), self.owner(int(geom[0])))
 
     def ground(self, origin: Sequence[float], reach: float = 0.3) -> float:
@@ -288,7 +293,7 @@ class LiveModel:
                 continue
             lever = 1.0
             if self.model.jnt_type[joint] == self.mj.mjtJoint.mjJNT_HINGE:  # how far its shapes reach from the axis
-                corners = [self._corners(one) for one in range(self.model.ngeom) if self.model.geom_bodyid[one] == body]
+                corners = [self.corners(one) for one in range(self.model.ngeom) if self.model.geom_bodyid[one] == body]
                 arms = np.cross(
                     np.concatenate([np.zeros((0, 3)), *corners]) - self.data.xanchor[joint], self.data.xaxis[joint]
                 )

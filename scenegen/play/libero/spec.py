@@ -25,6 +25,7 @@ from scenegen.planning.setting import enclosing
 from scenegen.planning.translation import grow, overlap
 from scenegen.play.frame import TableFrame, heading_of, upright
 from scenegen.play.libero.measure import Floor, JointPart, LiveModel, PrismShape, prism_of
+from scenegen.play.libero.sight import AGENT_VIEW, LiveCamera
 
 Fact: TypeAlias = tuple[str, ...]  # a predicate and names
 Origin: TypeAlias = tuple[float, float, float]
@@ -46,8 +47,9 @@ class EnvironmentSpec:
 
     `origin` is the spec's (0, 0) on the ground in the world, in metres; `prisms` and `attitudes` (quaternions w, x, y,
     z at heading 0) are those of the things that move; `sliders` the joints by object of the spec: its x is the joint
-    times its lever; `facts` the initial facts; `tight` the sites of fixtures at which the goal has
-    things; `ends` (K, 7) poses of fixtures in the world, at the ends of the regions in which resets put them.
+    times its lever; `facts` the initial facts; `moved` the things that the goal puts somewhere; `tight` the sites of
+    fixtures at which it has things; `ends` (K, 7) poses of fixtures in the world, at the ends of the regions in which
+    resets put them; `sight` whether it has the label `visible`.
     """
 
     text: str
@@ -58,17 +60,21 @@ class EnvironmentSpec:
     attitudes: Mapping[str, Array]
     sliders: Mapping[str, JointPart]
     facts: tuple[Fact, ...]
+    moved: frozenset[str]
     tight: Mapping[str, str]
     ends: Mapping[str, Array]
+    sight: bool
 
 
-def spec_of(env: Any, more: str = "", *, anywhere: bool = True) -> EnvironmentSpec:
+def spec_of(env: Any, more: str = "", *, anywhere: bool = True, sight: bool = False) -> EnvironmentSpec:
     """The spec of an environment of LIBERO or robosuite, which has been reset.
 
-    LIBERO's has the labels `goal` and, where the goal moves something, `start`; `more` are statements to add, such as
-    the labels of a task of robosuite's. The goal holds wherever LIBERO's resets put the fixtures, unless `anywhere` is
-    false: then it is that of the scene as it is now, for `set_scene`. Raises RequestError for a goal of LIBERO's that
-    has no form here, SpecError for statements that do not check.
+    LIBERO's has its camera `agentview`, the labels `goal` and, where the goal moves something, `start`; with `sight`
+    also `visible`, whose phi is the share of what the goal moves that the camera sees, the least of several. `more` are
+    statements to add, such as the labels of a task of robosuite's. The goal holds wherever LIBERO's resets put the
+    fixtures, unless `anywhere` is false: then it is that of the scene as it is now, for `set_scene`. Raises
+    RequestError for a goal of LIBERO's that has no form here, and for `sight` where it moves nothing; SpecError for
+    statements that do not check.
     """
     live = LiveModel(env)
     task = hasattr(live.env, "parsed_problem")
@@ -79,11 +85,24 @@ def spec_of(env: Any, more: str = "", *, anywhere: bool = True) -> EnvironmentSp
     stand = {name: live.attitude(name) for name in (live.movers if task else names)}
     prisms = {name: prism_of(live.points(name), attitude) for name, (attitude, _) in stand.items()}
     maker = _Task(live, origin, prisms, {name: heading for name, (_, heading) in stand.items()}, anywhere)
-    text = (maker.text() if task else _plain(live, origin, prisms, samplers)) + (f"\n{more.strip()}\n" if more else "")
+    text = maker.text() if task else _plain(live, origin, prisms, samplers)
+    text += "".join(f"\n{one.strip()}\n" for one in (maker.sight() if sight else "", more) if one)
     attitudes = {name: attitude for name, (attitude, _) in stand.items()}
     spec = parse(text, "the environment's spec")
-    facts = tuple(maker.facts)
-    return EnvironmentSpec(text, spec, live, origin, prisms, attitudes, maker.sliders, facts, maker.tight, maker.ends)
+    return EnvironmentSpec(
+        text,
+        spec,
+        live,
+        origin,
+        prisms,
+        attitudes,
+        maker.sliders,
+        tuple(maker.facts),
+        frozenset(maker.moved),
+        maker.tight,
+        maker.ends,
+        sight,
+    )
 
 
 def _samplers(env: Any) -> list[Any]:
@@ -335,6 +354,7 @@ class _Task:
             *("", _workspace(space), ""),
             *(f"region {name} = {_rect(one)}" for name, one in self.zones.items() if name in used),
             *(*self.regions, ""),
+            *(LiveCamera(self.live).statement(self.origin), ""),
             *(f"object {name} = {text}" for name, (text, _) in fixtures.items()),
         ]
         for name, prism in self.prisms.items():
@@ -346,6 +366,15 @@ class _Task:
         lines += ["", *self._clearance_terms(boxes), *dict.fromkeys(self.require), ""]
         lines += [f"start: {' & '.join(dict.fromkeys(start))}"] * bool(start)
         return "\n".join([*lines, f"goal: {' & '.join(dict.fromkeys(goal))}", ""])
+
+    def sight(self) -> str:
+        """What the camera sees of what the goal moves, as statements. Raises RequestError."""
+        if not self.moved:
+            wanted = "a task whose goal puts a thing somewhere"
+            raise RequestError(WRONG_VALUE(argument="visible", value="the share of nothing", wanted=wanted))
+        shares = [f"visibleShare({name}, {AGENT_VIEW}) >= 0 %" for name in sorted(self.moved)]
+        pictured = [f"require inView({name}, {AGENT_VIEW})" for name in sorted(self.moved)]
+        return "\n".join([*pictured, f"visible: {' & '.join(shares)}"])
 
     def _fixtures(self) -> dict[str, tuple[str, Rectangle]]:
         """The shape and pose of each fixture, and the rectangle around it."""

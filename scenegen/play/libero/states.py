@@ -19,9 +19,10 @@ from scenegen.errors.requests import OUT_OF_RANGE, WRONG_VALUE
 from scenegen.play.frame import TableFrame, flat, inverse, times
 from scenegen.play.libero.init_files import FIXTURE_PREFIX, read_packed, write_states
 from scenegen.play.libero.measure import FLAT_SITE, ROBOT_OWNER, UPRIGHT_COSINE, LiveModel, matrix, silence
+from scenegen.play.libero.sight import LiveCamera
 from scenegen.play.libero.spec import PLACE_PREDICATES, EnvironmentSpec, Fact, spec_of
 from scenegen.play.starts import RangeStarts, Start, phi_at
-from scenegen.sampling.request import Range
+from scenegen.sampling.request import Range, Spread
 from scenegen.validation import as_int, as_path, as_seconds
 
 CONTROL_STEPS = 20  # control steps of the environment's own, after which a state is judged again
@@ -33,8 +34,10 @@ TIP_COSINE = 0.985  # the cosine of 10 degrees, by which things of starts may ti
 STEPS_BETWEEN_LOOKS = 50  # steps of the simulation from one look at the things to the next: 0.1 s
 REST_DISTANCES = 1e-5, 1e-3  # metres: what moves less from look to look is at rest; what moves more at the end is not
 MISS = -0.001  # phi of starts that miss, at most
+SEEN = "visible"  # the label of the share that LIBERO's camera sees
+SHARE_TOLERANCE = 0.01  # by which that share, by rays, may be out of its range
 LEAST, TRIES = 174, 10  # scenes that are drawn at most: if none of them is good, and for each state
-DRAW_TIMEOUT = 60.0  # seconds of a draw
+DRAW_TIMEOUT, SIGHT_TIMEOUT = 60.0, 300.0  # seconds of a draw, and of one at a range of `visible`
 UPRIGHT_DRAWS = 6  # draws without a success, after which what the goal has in a fixture is tried in other attitudes
 PRESS_DEPTH = 0.0002  # metres by which solved things are lowered onto fixtures, whose tops are not quite level
 LOWER_FROM = 0.0005  # metres over its floor from where a thing is lowered
@@ -65,7 +68,7 @@ class SettledStates:
     def save(self, path: str | Path) -> Path:
         """Write the states as LIBERO has them (`TASK.pruned_init`), and `TASK.pruned_init.npz` with the fixtures, too;
         each file appears whole or not at all. Raises OutputError, and RequestError where torch is not installed."""
-        return write_states(as_path("path", path), self.states, self.spec.live.fixed)
+        return write_states(as_path("path", path), self.states, self.spec.live.fixed, self.spec.live.task)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,33 +95,40 @@ def init_states(
     """n states of an environment of LIBERO or robosuite at a range of phi, at rest, and verified by its own judgement.
     The environment has been reset, and is left as it was then.
 
-    `phi` is a range as `scenegen.sample` takes it, by default of starts that miss the goal; starts that miss are as
-    the initial facts have them, unless the range of `start` is given. Things settle for `settle` seconds at most, while
-    the arm is held. A state is kept if `accept`, by default the environment's `check_success`, agrees with the sign of
-    phi, at once and after 20 steps of the environment's own, if nothing moves or touches the robot, and if the initial
-    facts hold, to 1 cm. `spec` is what `spec_of` made of the environment since its last reset; it is made where none is
-    given. It needs a label `goal`. At most ten scenes for each state are drawn, and 174 in vain: there can be fewer
-    states than n. The same seed gives the same states.
+    `phi` is a range as `scenegen.sample` takes it; without one of `goal`, starts miss it. Starts that miss are as the
+    initial facts have them, unless a range of `start` is given, or one of `visible`: the share of what the goal moves
+    that LIBERO's camera `agentview` sees (see `spec_of`), which a state has by what is drawn there, to 0.01. Things
+    settle for `settle` seconds at most, while the arm is held. A state is kept if `accept`, by default the
+    environment's `check_success`, agrees with the sign of phi, at once and after 20 steps of the environment's own, if
+    nothing moves or touches the robot, and if the initial facts hold, to 1 cm; without those of what the goal moves
+    where phi of `start` may be below 0. `spec` is what `spec_of` made of the environment since its last reset; it is
+    made where none is given. It needs a label `goal`. At most ten scenes for each state are drawn, and 174 in vain:
+    there can be fewer states than n. The same seed gives the same states.
 
     Raises RequestError, also where no scene has such a phi.
     """
     if as_int("n", n) < 1:
         raise RequestError(OUT_OF_RANGE(argument="n", value=n, wanted="1 or more"))
-    own = spec_of(env) if spec is None else spec
+    own = spec_of(env, sight=isinstance(phi, Mapping) and SEEN in phi) if spec is None else spec
     if own.live.sim is not own.live.env.sim:
         wanted = "what spec_of makes of the environment after its last reset"
         raise RequestError(WRONG_VALUE(argument="spec", value="the spec of a model that is gone", wanted=wanted))
     ranges = read_phi(own.spec, {"goal": (None, MISS)} if phi is None else phi)
+    if "goal" in own.spec.labels:
+        ranges = {"goal": Range(None, MISS), **ranges}
     high = ranges["goal"].high if "goal" in ranges else None
     missing = high is not None and high <= 0.0
-    if missing and "start" in own.spec.labels:
+    if missing and "start" in own.spec.labels and SEEN not in ranges:
         ranges = {"start": Range(0.0), **ranges}
     judge = accept or getattr(env, "check_success", None) or env._check_success
-    maker = _Maker(env, own, lambda: bool(judge()), as_seconds("settle", settle), missing)
+    facts = _facts(own, ranges) if missing else ()
+    maker = _Maker(env, own, lambda: bool(judge()), as_seconds("settle", settle), missing, facts, ranges.get(SEEN))
     verdicts: list[_Verdict] = []
     good: list[tuple[_Verdict, Start]] = []
     side = None
-    starts = RangeStarts(own.spec, lambda: ranges, as_int("seed", seed), DRAW_TIMEOUT, first=n + n // 4)
+    spread: Spread = "base" if SEEN in ranges else "flat"  # flat, what is out of reach of a range costs its time
+    timeout = SIGHT_TIMEOUT if SEEN in ranges else DRAW_TIMEOUT
+    starts = RangeStarts(own.spec, lambda: ranges, as_int("seed", seed), timeout, first=n + n // 4, spread=spread)
     while len(good) < n and len(verdicts) < max(TRIES * n if good else 0, LEAST):
         if not missing and not good and len(verdicts) >= UPRIGHT_DRAWS:
             side = len(verdicts) - UPRIGHT_DRAWS
@@ -146,6 +156,12 @@ def init_states(
     )
 
 
+def _facts(own: EnvironmentSpec, ranges: Mapping[str, Range]) -> tuple[Fact, ...]:
+    """The initial facts that starts keep: without those of what the goal moves where `start` may be below 0."""
+    anywhere = "start" in own.spec.labels and ranges.get("start", Range()).ends[0] < 0.0
+    return tuple(fact for fact in own.facts if not (anywhere and fact[1] in own.moved))
+
+
 def set_scene(env: Any, path: str | Path, row: int) -> Any:
     """Put an environment of LIBERO's, which has been reset, into a state of a file `TASK.pruned_init.npz` exactly as it
     was made: the fixtures too, which no state has. Gives the observation, as `set_init_state` does. Raises DataError
@@ -153,7 +169,11 @@ def set_scene(env: Any, path: str | Path, row: int) -> Any:
     there."""
     path = Path(f"{str(as_path('path', path)).removesuffix('.npz')}.npz")
     found, live = read_packed(path), LiveModel(env)
+    task = str(found.pop("task", live.task))
     states, poses = found.pop("states"), {name.removeprefix(FIXTURE_PREFIX): pose for name, pose in found.items()}
+    if task != live.task:
+        value, wanted = f"{path}, which has states of {task}", f"a file of the environment's task, {live.task}"
+        raise RequestError(WRONG_VALUE(argument="path", value=value, wanted=wanted))
     if states.shape[1:] != env.get_sim_state().shape or poses.keys() != {*live.fixtures}:
         wanted = "states with fixtures of this task, as `scenegen libero` writes them"
         raise RequestError(WRONG_VALUE(argument="path", value=str(path), wanted=wanted))
@@ -166,9 +186,19 @@ def set_scene(env: Any, path: str | Path, row: int) -> Any:
 class _Maker:
     """Puts scenes into an environment, lets them settle, and judges them."""
 
-    def __init__(self, env: Any, own: EnvironmentSpec, judge: Judge, settle: float, missing: bool) -> None:
+    def __init__(
+        self,
+        env: Any,
+        own: EnvironmentSpec,
+        judge: Judge,
+        settle: float,
+        missing: bool,
+        facts: tuple[Fact, ...],
+        seen: Range | None = None,
+    ) -> None:
         self.env, self.own, self.live, self.judge, self.missing = env, own, own.live, judge, missing
         self.model, self.data = own.live.model, own.live.data
+        self.seen, self.camera = seen, LiveCamera(own.live) if own.sight else None
         self.settle = round(settle / float(self.model.opt.timestep))
         self.things = [name for name in own.spec.objects if name in self.live.movers]
         joints = [one for one in range(self.model.njnt) if not self._is_ours(one)]
@@ -177,10 +207,9 @@ class _Maker:
         most = max(map(len, own.ends.values()), default=0)
         self.elsewhere = [{name: one[k % len(one)] for name, one in own.ends.items()} for k in range(most)]
         self.second = round(CONTROL_STEPS * own.live.env.control_timestep / float(self.model.opt.timestep))
-        self.broken: set[Fact] = set()  # initial facts that the environment's own reset does not keep
         self.restore()
         self.step()
-        self.broken = {one for one in own.facts if not self.keeps(one)}
+        self.facts = [one for one in facts if self.keeps(one)]  # without those that the environment's own reset breaks
 
     def _is_ours(self, joint: int) -> bool:
         return self.live.owners[int(self.model.jnt_bodyid[joint])] in self.live.things
@@ -218,6 +247,9 @@ class _Maker:
                 self.env.set_init_state(state)
         if self.judge() != solved:
             return _Verdict(f"phi is {'>= 0, but not solved' if solved else '< 0, but solved'}", False)
+        low, high = self.seen.ends if self.seen else (-math.inf, math.inf)
+        if not min(low, 1.0) - SHARE_TOLERANCE <= read.get(SEEN, 0.0) <= high + SHARE_TOLERANCE:
+            return _Verdict("another share is visible in LIBERO's camera", True)
         if solved != wanted:
             return _Verdict(f"{'solves' if solved else 'loses'} the goal while it settles", True)
         if not self.keeps_all():
@@ -343,7 +375,8 @@ class _Maker:
         return found
 
     def phi(self, start: Start) -> dict[str, float]:
-        """phi by label as the simulation is; a thing counts as being on what it is on in the scene."""
+        """phi by label as the simulation is; a thing counts as being on what it is on in the scene, and a share is
+        that of the simulation's camera."""
         own, found = self.own, flat(start.poses)
         for which, name in enumerate(own.spec.objects):
             if name in own.sliders:
@@ -352,14 +385,17 @@ class _Maker:
                 body = self.live.things[name]
                 turn = times(self.data.xquat[body], inverse(own.attitudes[name]))
                 found[which] = TableFrame(own.origin).pose(self.data.xpos[body], turn)
-        return phi_at(own.spec, start, found)
+        read = phi_at(own.spec, start, found)
+        if self.camera is not None:
+            read[SEEN] = min(map(self.camera.visible_share, own.moved))
+        return read
 
     def keeps_all(self) -> bool:
-        return not self.missing or all(map(self.keeps, self.own.facts))
+        return all(map(self.keeps, self.facts))
 
     def keeps(self, fact: Fact) -> bool:
         """Whether an initial fact holds: of a region of the table to 1 cm, of all else as the environment says."""
-        if fact in self.broken or (fact[0] in PLACE_PREDICATES and fact[1] not in self.live.movers):
+        if fact[0] in PLACE_PREDICATES and fact[1] not in self.live.movers:
             return True
         ranges = self.live.env.parsed_problem["regions"].get(fact[-1], {}).get("ranges")
         if fact[0] not in PLACE_PREDICATES or not ranges:
@@ -395,7 +431,7 @@ def _quarters() -> list[Array]:
 def settled_scenes(env: Any, own: EnvironmentSpec, settle: float = 1.0) -> Callable[[Array], Array]:
     """A function that puts the poses (N, 7) of a scene of the environment's spec into LIBERO's environment, and gives
     the state (D,) in which the things have settled, for `settle` seconds at most, judged by nothing."""
-    maker = _Maker(env, own, lambda: bool(env.check_success()), settle, True)
+    maker = _Maker(env, own, lambda: bool(env.check_success()), settle, True, ())
 
     def state(poses: Array) -> Array:
         maker.put(poses, None)

@@ -10,6 +10,8 @@ from scenegen.cli.app import run
 from scenegen.errors import RequestError
 from scenegen.libero import init_states, set_scene, spec_of
 from scenegen.play.libero.files import LIBERO_SUITES, make_environment, tasks_of, write_home
+from scenegen.play.libero.measure import LiveModel
+from scenegen.play.libero.sight import LiveCamera
 
 pytestmark = pytest.mark.libero
 # a drawer, a stove that is on, a basket of two, and then all others
@@ -117,6 +119,35 @@ def test_the_same_seed_gives_the_same_states_and_phi_is_a_range():
     with pytest.raises(RequestError):
         init_states(env, {"goal": (5, None)}, 1)
     env.close()
+
+
+def test_starts_from_anywhere_keep_the_facts_of_all_else():
+    """Of a start range below 0 most scenes are good: what the goal moves need not be in its region."""
+    env = make_environment(tasks_of("pick_up_the_milk_and_place_it_in_the_basket")[0])
+    made = init_states(env, {"start": (-10, -0.05)}, 4)
+    assert (
+        len(made.states) == 4 and made.drawn <= 8 and (made.read["start"] < 0).all() and (made.read["goal"] < 0).all()
+    )
+    env.close()
+
+
+def test_the_share_that_the_camera_sees_is_the_one_that_was_asked_for():
+    """In an environment of LIBERO's own class, whose reset had another seed."""
+    task = tasks_of("pick_up_the_milk_and_place_it_in_the_basket")[0]
+    env = make_environment(task)
+    assert "camera agentview = at (" in spec_of(env).text
+    made = init_states(env, {"visible": (0.5, 0.7)}, 2)
+    assert len(made.states) == 2 and ((made.phi["visible"] >= 0.5) & (made.phi["visible"] <= 0.7)).all()
+    anew = evaluation(task)
+    for seed, (state, seen) in enumerate(zip(made.states, made.read["visible"], strict=True)):
+        assert after_20_steps(anew, state, seed) == (False, False)
+        share = LiveCamera(LiveModel(anew)).visible_share("milk_1")
+        assert 0.48 <= share <= 0.72 and share == pytest.approx(seen, abs=0.02)
+    drawer = make_environment(tasks_of("open_the_middle_drawer_of_the_cabinet")[0])
+    with pytest.raises(RequestError, match="puts a thing somewhere"):
+        init_states(drawer, {"visible": (0.5, 0.7)}, 1)
+    for one in (env, anew, drawer):
+        one.close()
 
 
 def test_the_command_makes_a_home_that_libero_reads(tmp_path, monkeypatch, capsys):

@@ -134,7 +134,9 @@ def test_fixtures_are_part_of_the_model_and_a_scene_has_them(table, restored, tm
     env = SimpleNamespace(**vars(table), get_sim_state=lambda: np.zeros(size))
     env.set_init_state = lambda state: (restored.data.qpos.__setitem__(slice(None), state[: len(before)]), "seen")[1]
     states = np.arange(2.0 * size).reshape(2, size)
-    path = write_states(tmp_path / "task.pruned_init", states, {"chest": np.array([0.4, 0.3, 0.2, 0.0, 0.0, 0.0, 1.0])})
+    env.bddl_file_name = "suite/open_the_chest.bddl"
+    there = {"chest": np.array([0.4, 0.3, 0.2, 0.0, 0.0, 0.0, 1.0])}
+    path = write_states(tmp_path / "task.pruned_init", states, there, "open_the_chest")
     assert set_scene(env, f"{path}.npz", 1) == "seen"
     chest = sim.model._model.body("chest")
     assert chest.pos == pytest.approx([0.4, 0.3, 0.2]) and chest.quat == pytest.approx([0, 0, 0, 1])
@@ -143,7 +145,11 @@ def test_fixtures_are_part_of_the_model_and_a_scene_has_them(table, restored, tm
     for row in (2, -1):
         with pytest.raises(RequestError, match="0 to 1"):
             set_scene(env, f"{path}.npz", row)
-    write_states(path, states, {"stove": np.zeros(7)})  # of another task
+    write_states(path, states, there, "close_the_chest")  # of a task with the same things
+    with pytest.raises(RequestError, match=r"states of close_the_chest\n.*task, open_the_chest"):
+        set_scene(env, f"{path}.npz", 1)
+    assert np.array_equal(restored.data.qpos, before)
+    write_states(path, states, {"stove": np.zeros(7)}, "open_the_chest")  # of another form
     chest = {"fixture chest": np.zeros(7)}
     for change in ({}, {"states": states}, {"states": states[:, 1:], **chest}, {"more": 1, "states": states, **chest}):
         if change:
@@ -186,7 +192,7 @@ def test_the_spec_of_an_environment_of_robosuites_kind(table):
 def test_files_of_a_task(tmp_path):
     task = LiberoTask("suite", "task", tmp_path / "task.bddl")
     job = StatesJob(tmp_path / "home", ("goal=0:",), n=2)
-    spec = SimpleNamespace(text="goal: x(mug) <= 0 m\n", live=SimpleNamespace(fixed={}))
+    spec = SimpleNamespace(text="goal: x(mug) <= 0 m\n", live=SimpleNamespace(fixed={}, task="task"))
     one = {"goal": np.array([0.1, 0.2])}
     made = SettledStates(np.arange(6.0).reshape(2, 3), one, one, np.zeros(2), spec, 3, 2, 2, {"falls": 1})
     report = job.write(task, made)

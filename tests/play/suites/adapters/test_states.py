@@ -16,11 +16,12 @@ STATES = np.random.default_rng(0).random((3, 5))
 
 def test_states_are_read_as_they_were_written(tmp_path):
     pytest.importorskip("torch")
-    spec = SimpleNamespace(live=SimpleNamespace(fixed={"stove": np.arange(7.0)}))
+    spec = SimpleNamespace(live=SimpleNamespace(fixed={"stove": np.arange(7.0)}, task="task"))
     path = SettledStates(STATES, {}, {}, np.zeros(3), spec, 3, 3, 3, {}).save(tmp_path / "task.pruned_init")
     assert np.array_equal(read_states(path), STATES)
     with np.load(f"{path}.npz") as packed:
-        assert packed.files == ["states", "fixture stove"] and packed["fixture stove"].tolist() == [0, 1, 2, 3, 4, 5, 6]
+        assert packed.files == ["states", "task", "fixture stove"] and packed["task"] == "task"
+        assert packed["fixture stove"].tolist() == [0, 1, 2, 3, 4, 5, 6]
     tmp_path.joinpath("task.pruned_init.npz").unlink()
     assert np.array_equal(read_states(path), STATES)
     np.savez(f"{path}.npz", any_name=STATES[:2])

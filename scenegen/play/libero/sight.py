@@ -1,0 +1,70 @@
+"""What a camera of a live environment sees: its place, and the shares of things, by rays onto what is drawn."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+
+from scenegen.arrays import Array
+from scenegen.errors import RequestError
+from scenegen.errors.requests import UNKNOWN_CHOICE
+from scenegen.play.libero.measure import LiveModel
+
+AGENT_VIEW = "agentview"  # LIBERO's camera, from which policies see the table; its pictures are square
+DRAWN_GROUP, ALONE_GROUP = 1, 5  # of geoms: what pictures show; where a thing is put to be looked at by itself
+SIGHT_RAYS = 40  # from side to side of the rectangle around a thing in the picture
+
+
+class LiveCamera:
+    """A camera of an environment that does not move: `eye` (3,) in the world, in metres; `turn` (3, 3), whose columns
+    point to the right, up and back; `field`, the angle of the picture's height, in degrees. Raises RequestError."""
+
+    def __init__(self, live: LiveModel, name: str = AGENT_VIEW) -> None:
+        number = live.mj.mj_name2id(live.model, live.mj.mjtObj.mjOBJ_CAMERA, name)
+        if number < 0:
+            known = [str(live.model.camera(one).name) for one in range(live.model.ncam)]
+            raise RequestError(UNKNOWN_CHOICE(what="camera", name=name, known=known))
+        self.name, self.live, self.field = name, live, float(live.model.cam_fovy[number])
+        self.eye: Array = live.data.cam_xpos[number].copy()
+        self.turn: Array = live.data.cam_xmat[number].reshape(3, 3).copy()
+
+    def statement(self, origin: Sequence[float]) -> str:
+        """The statement of a spec whose (0, 0) is at `origin` on the ground: it looks at a point of the ground where it
+        looks down."""
+        x, y, z = (self.eye - origin).tolist()
+        ahead = -self.turn[:, 2]
+        a, b, c = (np.array([x, y, z]) + ahead * (z / -ahead[2] if ahead[2] < -0.1 else 1.0)).tolist()
+        eye, target = (", ".join(f"{round(one, 6) + 0.0:.10g}" for one in point) for point in ((x, y, z), (a, b, c)))
+        return f"camera {self.name} = at ({eye}) looks at ({target}) fov {self.field:.10g} deg, 1:1"
+
+    def visible_share(self, name: str) -> float:
+        """The share of a thing's silhouette that the camera sees: the rest is behind something, such as the robot, or
+        beyond the edge of the picture."""
+        live, edge = self.live, math.tan(math.radians(self.field) / 2.0)
+        drawn = [one for one in range(live.model.ngeom) if live.model.geom_group[one] == DRAWN_GROUP]
+        own = [one for one in drawn if live.owner(one) == name]
+        points = (np.concatenate([live.corners(one) for one in own]) - self.eye) @ self.turn
+        slopes = points[:, :2] / -points[:, 2:]
+        (left, bottom), (right, top) = slopes.min(axis=0), slopes.max(axis=0)
+        middles = (np.arange(SIGHT_RAYS) + 0.5) / SIGHT_RAYS
+        across, up = np.meshgrid(left + middles * (right - left), bottom + middles * (top - bottom))
+        rays = np.stack([across.ravel(), up.ravel(), np.full(across.size, -1.0)], axis=1)
+        pictured = (np.abs(rays[:, :2]) <= edge).all(axis=1)
+        rays = rays @ self.turn.T
+        with self._by_itself(own):
+            alone = np.array([live.ray(self.eye, ray, (ALONE_GROUP,))[1] == name for ray in rays])
+            groups = DRAWN_GROUP, ALONE_GROUP
+            seen = [live.ray(self.eye, ray, groups)[1] == name for ray in rays[alone & pictured]]
+        return sum(seen) / max(int(alone.sum()), 1)
+
+    @contextmanager
+    def _by_itself(self, geoms: Sequence[int]) -> Iterator[None]:
+        """The shapes of a thing are in a group of their own meanwhile."""
+        self.live.model.geom_group[geoms] = ALONE_GROUP
+        try:
+            yield
+        finally:
+            self.live.model.geom_group[geoms] = DRAWN_GROUP

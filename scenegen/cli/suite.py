@@ -101,7 +101,7 @@ def suite(
     \b
       scenegen suite new a.spec b.spec --bands 5 -n 50 --out mine/
       scenegen suite new a.spec --bands near=-0.1:0 --bands far=:-0.1 --out mine/
-      scenegen suite new a.spec --bands 2 --tolerance 1.5cm,15deg --grid 2cm --out hand/
+      scenegen suite new a.spec --bands 2 --tolerance 1.5cm,15deg --out hand/
       scenegen suite check tabletop
       scenegen suite run mine/ --world w.py:make --policy p.py:act --out a.jsonl
       scenegen suite run mine/ --world w.py:make --policy q.py:act --out b.jsonl

@@ -605,7 +605,7 @@ def _shadow_bounds(a: Footprint, b: Footprint, numbers: tuple[Interval, ...], an
     ray = -_least_along(neg(dx), neg(dy), angles) + support(b, sub(_points(angles), bt)).hi
     furthest = np.maximum.reduce(np.broadcast_arrays(first.lo * ray, first.hi * ray, last.lo * ray, last.hi * ray))
     back = support(a, sub(_points(angles + math.pi), at)).hi
-    return _least_along(sub(ax, eye_x), sub(ay, eye_y), angles) - back - furthest
+    return np.asarray(_least_along(sub(ax, eye_x), sub(ay, eye_y), angles) - back - furthest)
 
 
 def _shadow_rounding(a: Footprint, b: Footprint, numbers: tuple[Interval, ...]) -> Array:

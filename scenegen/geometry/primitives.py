@@ -246,6 +246,7 @@ def _same_slopes(values: Sequence[float | None]) -> Sequence[float]:
 
 _BODY: tuple[Shape, ...] = ("footprint", "number", "number")
 _ONE: tuple[Shape, ...] = ("number",)
+_SEER: tuple[Shape, ...] = _ONE * share.CAMERA
 _TWO: tuple[Shape, ...] = ("number", "number")
 _PLACES: tuple[Shape, ...] = ("place", "place")
 _FOOTPRINTS: tuple[Shape, ...] = ("footprint", "footprint")
@@ -338,7 +339,7 @@ PRIMITIVES: dict[str, Primitive] = {
             hidden=True, backward=iv.back_shadow, smooth=True,
         ),
         Primitive(
-            "visibleShare", (*_BODY, *["number"] * share.CAMERA, *_BODY, "number"), share.visible_share,
+            "visibleShare", (*_BODY, *_SEER, *_BODY, "number"), share.visible_share,
             iv.visible_share, lambda *units: SHARE, "share of a body's silhouette that no nearer body covers",
             hidden=True, backward=iv.back_share, crowd=len(_BODY) + 1,
         ),

@@ -21,7 +21,7 @@ from scenegen.errors.declarations import (
 )
 from scenegen.errors.language import NOT_CONSTANT, SAME_ARGUMENT_TWICE, WRONG_UNIT
 from scenegen.geometry import MATH, POINT, PRIMITIVES
-from scenegen.geometry.primitives import ANGLE, BARE, LENGTH, SHARE
+from scenegen.geometry.primitives import ANGLE, BARE, LENGTH, SHARE, Unit
 from scenegen.geometry.workspace import MAX_COORDINATE
 from scenegen.lang.check.heights import MOST_CASES, by_cases, height_in, level
 from scenegen.lang.check.scope import Declared
@@ -61,9 +61,9 @@ def camera(lowering: Lowering, declared: Declared) -> SpecCamera:
     return SpecCamera(declared.name.id, eye, target, field, ratio)
 
 
-def _number(lowering: Lowering, node: ast.Expr, source: Source, what: str, *units: object) -> float:
+def _number(lowering: Lowering, node: ast.Expr, source: Source, what: str, *units: Unit) -> float:
     value = lowering.evaluate(node, CallFrame(source))
-    return lowering.constant(value, node, CallFrame(source), what, BARE, *units)  # type: ignore[arg-type]
+    return lowering.constant(value, node, CallFrame(source), what, BARE, *units)
 
 
 def _place(lowering: Lowering, node: ast.Expr, source: Source, what: str) -> Space:

@@ -250,7 +250,8 @@ class Builder:
         return ast.Constant(_name(items[1]), items[3], **_extent(items))
 
     def camera(self, items: list[Any]) -> ast.Camera:
-        return ast.Camera(_name(items[1]), *_nodes(items), **_extent(items))
+        eye, target, field, width, height = _nodes(items)
+        return ast.Camera(_name(items[1]), eye, target, field, width, height, **_extent(items))
 
     def define(self, items: list[Any]) -> ast.Definition:
         *parameters, body = _nodes(items)

@@ -152,7 +152,7 @@ def render_photograph(
         """The same for each pixel of a part of the picture."""
         u, v = np.arange(left, right, dtype=np.float32) / COARSE, np.arange(top, bottom, dtype=np.float32) / COARSE
         every = (np.broadcast_to(one, (len(v), len(u))) for one in (u[None], v[:, None]))
-        return cv2.remap(coarse.astype(np.float32), *map(np.ascontiguousarray, every), cv2.INTER_LINEAR)
+        return np.asarray(cv2.remap(coarse.astype(np.float32), *map(np.ascontiguousarray, every), cv2.INTER_LINEAR))
 
     mat, pixels = raster
     flat = places(0.0)
@@ -201,7 +201,8 @@ def render_photograph(
     picture = cv2.GaussianBlur(picture, (0, 0), shot.blur)
     picture *= np.linspace(*shot.light, WIDTH, dtype=np.float32)[None]
     noise = shot.noise * rng.standard_normal(picture.shape, dtype=np.float32)
-    return np.clip(picture * 255.0 + noise, 0, 255).round().astype(np.uint8)
+    spoilt: Grey = np.clip(picture * 255.0 + noise, 0, 255).round().astype(np.uint8)
+    return spoilt
 
 
 FAULTS: dict[str, dict[str, Any]] = {  # how a picture is wrong, and what names it

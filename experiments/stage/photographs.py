@@ -201,7 +201,8 @@ def render_photograph(
     picture = cv2.GaussianBlur(picture, (0, 0), shot.blur)
     picture *= np.linspace(*shot.light, WIDTH, dtype=np.float32)[None]
     noise = shot.noise * rng.standard_normal(picture.shape, dtype=np.float32)
-    return np.asarray(np.clip(picture * 255.0 + noise, 0, 255).round(), dtype=np.uint8)
+    spoilt: Grey = np.clip(picture * 255.0 + noise, 0, 255).round().astype(np.uint8)
+    return spoilt
 
 
 FAULTS: dict[str, dict[str, Any]] = {  # how a picture is wrong, and what names it

@@ -54,6 +54,10 @@ class Made:
         return (self.reached_cells,)
 
     @property
+    def weights(self):
+        return (1,)
+
+    @property
     def problem(self):
         return SimpleNamespace(rows=3 * self.objects)
 

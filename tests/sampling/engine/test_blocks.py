@@ -156,6 +156,18 @@ def test_groups_of_cells_have_equal_shares_and_their_cells_equal_shares_of_these
     assert assembler.complete and len(blocks) == 3
 
 
+def test_groups_have_their_weights_in_every_block():
+    groups, weights = [[0, 1, 2], [3], [4, 5]], [5, 1, 4]
+    assembler = BlockAssembler(range(6), 1200, 3, 400, groups, weights)
+    cell = np.random.default_rng(0).permutation(np.arange(6).repeat(1200))
+    blocks = list(assembler.offer(Block(cell[None].astype(float), cell[None].astype(float)), cell))
+    for block in blocks:
+        found = np.bincount(block.rows[0].astype(int), minlength=6)
+        assert [sum(found[group]) for group in groups] == [200, 40, 160]
+        assert all(np.ptp(found[group]) <= 1 for group in groups)
+    assert assembler.complete and len(blocks) == 3
+
+
 SMALL = {"checkpoint": 0.0, "size": 300}
 
 

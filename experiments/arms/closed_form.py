@@ -8,13 +8,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from scenegen.things.chain import Chain, rotations
+from scenegen.things.chain import JointChain, rotations
 from scenegen.things.outline import Floats
 
 MAX_ERROR = 1e-6  # metres and radians that forward kinematics may be off
 
 
-def forward(chain: Chain, angles: Floats) -> tuple[Floats, Floats]:
+def forward(chain: JointChain, angles: Floats) -> tuple[Floats, Floats]:
     """The tip's axes (N, 3, 3) and place (N, 3) in the base link's frame, of angles (N, J)."""
     turn, at = np.broadcast_to(np.eye(3), (len(angles), 3, 3)), np.zeros((len(angles), 3))
     for number, hinge in enumerate(chain.hinges):
@@ -29,7 +29,7 @@ def down(yaw: float) -> Floats:
     return np.array([[c, s, 0.0], [s, -c, 0.0], [0.0, 0.0, -1.0]])
 
 
-def fits(chain: Chain, angles: Floats, turn: Floats, at: Floats, error: float = MAX_ERROR) -> bool:
+def fits(chain: JointChain, angles: Floats, turn: Floats, at: Floats, error: float = MAX_ERROR) -> bool:
     """Whether one of these angles (N, J), whole turns added or taken away, is within all limits and leads there."""
     low, high = (np.array(each) for each in zip(*((one.low, one.high) for one in chain.hinges), strict=True))
     angles = angles[np.isfinite(angles).all(axis=1)]
@@ -81,7 +81,7 @@ def solve_ur(lengths: tuple[float, float, float, float, float, float], turn: Flo
     return np.array(found).reshape(-1, 6)
 
 
-def solve_planar(chain: Chain, yaw: float, at: Floats) -> Floats:
+def solve_planar(chain: JointChain, yaw: float, at: Floats) -> Floats:
     """Angles (N, 5) of an arm whose second to fourth joint are parallel and level, and whose last turns about the
     direction of the hand, for a tip that points down with this yaw."""
     count = len(chain.hinges)
@@ -125,14 +125,14 @@ def solve_planar(chain: Chain, yaw: float, at: Floats) -> Floats:
     return np.array(found).reshape(-1, count)
 
 
-def _last(chain: Chain, angles: list[float], yaw: float) -> list[float]:
+def _last(chain: JointChain, angles: list[float], yaw: float) -> list[float]:
     """The angle of the last joint that gives a hand that points down this yaw."""
     turn, _ = forward(chain, np.array([[*angles, 0.0]]))
     now = math.atan2(turn[0, 1, 0], turn[0, 0, 0])
     return [now - yaw, yaw - now]
 
 
-def _zero(chain: Chain) -> tuple[list[Floats], list[Floats]]:
+def _zero(chain: JointChain) -> tuple[list[Floats], list[Floats]]:
     """Where the joints are, and their axes, at angles of 0."""
     turn, at = np.eye(3), np.zeros(3)
     places, axes = [], []

@@ -26,7 +26,7 @@ import numpy.typing as npt
 from experiments.arms import facts
 from experiments.arms.closed_form import down, fits, forward, solve_planar, solve_ur
 from scenegen.things.arms import Arm, shipped_arm
-from scenegen.things.chain import Chain, read_chain
+from scenegen.things.chain import JointChain, read_chain
 from scenegen.things.outline import Floats
 
 BORDER = 0.005  # metres: poses nearer than this to where the answer changes do not count
@@ -130,7 +130,7 @@ def closed_form_oracle(name: str) -> tuple[IsReached, tuple[float, float]]:
     return reaches_planar, (facts.SO101[0][1][0], facts.SO101[0][1][1])
 
 
-def panda_oracle(chain: Chain) -> IsReached:
+def panda_oracle(chain: JointChain) -> IsReached:
     """`chain` leads to the point between the fingertips."""
     import frankik
     from ssik.prebuilt import franka_panda_ik

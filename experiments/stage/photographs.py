@@ -151,8 +151,8 @@ def render_photograph(
     def between(coarse: Array, left: int, top: int, right: int, bottom: int) -> Array:
         """The same for each pixel of a part of the picture."""
         u, v = np.arange(left, right, dtype=np.float32) / COARSE, np.arange(top, bottom, dtype=np.float32) / COARSE
-        every = (np.broadcast_to(one, (len(v), len(u))) for one in (u[None], v[:, None]))
-        return np.asarray(cv2.remap(coarse.astype(np.float32), *map(np.ascontiguousarray, every), cv2.INTER_LINEAR))
+        across, down = np.meshgrid(u, v)
+        return np.asarray(cv2.remap(coarse.astype(np.float32), across, down, cv2.INTER_LINEAR))
 
     mat, pixels = raster
     flat = places(0.0)

@@ -215,7 +215,7 @@ def make_header(spec: CheckedSpec, sampler: Mapping[str, object], request: Reque
             for which, (name, shape) in enumerate(zip(spec.objects, spec.shapes, strict=True))
         ],
         counts=[
-            CountData(name=one.name, least=one.least, most=one.most, assets=list(one.assets), listed=list(one.listed))
+            CountData(name=one.name, least=one.least, most=one.most, assets=list(one.assets), values=list(one.values))
             for one in spec.counts
         ],
         regions=[

@@ -12,7 +12,7 @@ from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import NO_ARM
 from scenegen.errors.requests import OUT_OF_PLACE
 
-DIRECTIONS = {
+APPROACHES = {
     f"{sign}{name}": tuple(float(sign + "1") if name == one else 0.0 for one in "xyz")
     for sign in ("", "-")
     for name in "xyz"
@@ -31,7 +31,7 @@ def arm(
         "The direction of the tip link in which the hand points.",
         "AXIS",
         default="z",
-        autocompletion=choices(*DIRECTIONS),
+        autocompletion=choices(*APPROACHES),
     ),
     tool: str = option(
         "How far beyond the tip link's origin, in that direction, the fingertips are: 16cm.", "LENGTH", default="0"
@@ -64,11 +64,11 @@ def arm(
 
     check_writable(out, urdf)
     check_ending(out, ".toml")
-    if approach not in DIRECTIONS:
+    if approach not in APPROACHES:
         raise RequestError(
-            OUT_OF_PLACE(option="--approach", rule=f"is no axis: {approach}", remedy=f"use {', '.join(DIRECTIONS)}")
+            OUT_OF_PLACE(option="--approach", rule=f"is no axis: {approach}", remedy=f"use {', '.join(APPROACHES)}")
         )
-    ahead = np.array(DIRECTIONS[approach])
+    ahead = np.array(APPROACHES[approach])
     sizes = {
         "base": (base_size, 3),
         "opening": (opening, 1),

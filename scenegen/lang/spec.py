@@ -111,7 +111,7 @@ class SurfaceChoice:
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """An array whose number of elements is drawn: `least` to `most`, both included, or one of those `listed`. Or an
+    """An array whose number of elements is drawn: `least` to `most`, both included, or one of those `values`. Or an
     object of a category: the number, from 1, is that of one of `assets`, after which the object that is there is
     called. `weights` are whole numbers, one for each number that there can be; none: all are equally likely."""
 
@@ -119,20 +119,20 @@ class Count:
     least: int
     most: int
     assets: tuple[str, ...] = ()
-    listed: tuple[int, ...] = ()
+    values: tuple[int, ...] = ()
     weights: tuple[int, ...] = ()
 
     @property
     def numbers(self) -> Sequence[int]:
         """Every number of elements that there can be, in their order."""
-        return self.listed or range(self.least, self.most + 1)
+        return self.values or range(self.least, self.most + 1)
 
     @property
     def words(self) -> str:
         """The numbers as text: `3 to 8`, or `3, 5 or 8`."""
-        if not self.listed:
+        if not self.values:
             return f"{self.least} to {self.most}"
-        return f"{', '.join(map(str, self.listed[:-1]))} or {self.listed[-1]}"
+        return f"{', '.join(map(str, self.values[:-1]))} or {self.values[-1]}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -172,7 +172,7 @@ Mask = npt.NDArray[np.bool_]
 
 
 class DrawnCount(Protocol):
-    """An array of objects whose number of elements is drawn, `least` to `most`, of these only those that are `listed`,
+    """An array of objects whose number of elements is drawn, `least` to `most`, of these only those that are `values`,
     if any are; or, with `assets`, an object that is there as one of them: `mug:red` or `mug:blue`, counted from 1."""
 
     @property
@@ -184,7 +184,7 @@ class DrawnCount(Protocol):
     @property
     def assets(self) -> Sequence[str]: ...
     @property
-    def listed(self) -> Sequence[int]: ...
+    def values(self) -> Sequence[int]: ...
 
 
 class Header(Protocol):
@@ -206,7 +206,7 @@ def element(one: DrawnCount, number: int) -> str:
 
 def possible_numbers(one: DrawnCount) -> Sequence[int]:
     """Every number of elements, or of an asset, that there can be."""
-    return one.listed or range(one.least, one.most + 1)
+    return one.values or range(one.least, one.most + 1)
 
 
 def _there(one: DrawnCount, number: int) -> range:

@@ -41,7 +41,7 @@ EndsData = tuple[FiniteFloat | None, FiniteFloat | None]
 
 
 class CountData(BaseModel):
-    """An array of objects whose number of elements is drawn, from `least` to `most`, or one of those `listed`: the
+    """An array of objects whose number of elements is drawn, from `least` to `most`, or one of those `values`: the
     file has an object for each that there can be, `block[1]` to `block[8]`. With `assets` it is an object of a
     category: the file has an object for each asset that can be drawn, `mug:red` and `mug:blue`, of which one is
     there in each scene, and the number says which, counted from 1."""
@@ -52,7 +52,7 @@ class CountData(BaseModel):
     least: Annotated[int, Field(ge=1)]
     most: Annotated[int, Field(ge=1)]
     assets: list[str] = Field(default_factory=list, exclude_if=not_)
-    listed: list[int] = Field(default_factory=list, exclude_if=not_)
+    values: list[int] = Field(default_factory=list, exclude_if=not_)
 
 
 def check_counts(counts: Sequence[CountData], objects: Collection[str]) -> None:
@@ -66,8 +66,8 @@ def check_counts(counts: Sequence[CountData], objects: Collection[str]) -> None:
             continue
         if not enough or any(f"{one.name}[{number}]" not in objects for number in range(1, one.most + 1)):
             raise ValueError(f"there are not {one.least} to {one.most} objects of {one.name}")
-        ends = [*one.listed[:1], *one.listed[-1:]]
-        if one.listed and (sorted({*one.listed}) != one.listed or ends != [one.least, one.most]):
+        ends = [*one.values[:1], *one.values[-1:]]
+        if one.values and (sorted({*one.values}) != one.values or ends != [one.least, one.most]):
             raise ValueError(f"the numbers listed of {one.name} are not in order from {one.least} to {one.most}")
     if len({one.name for one in counts}) < len(counts):
         raise ValueError("two of the counts are of the same array")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenegen.things.chain import HINGES, Chain
+from scenegen.things.chain import HINGES, JointChain
 from scenegen.things.meshfile import Read
 from scenegen.things.outline import Floats, MeshError, Shadow
 from scenegen.things.reach import Reach
@@ -36,7 +36,9 @@ class ArmSizes:
     skipped: tuple[str, ...]
 
 
-def measure_sizes(data: bytes, read_mesh: Read, chain: Chain, reach: Reach, tip: str, approach: Floats) -> ArmSizes:
+def measure_sizes(
+    data: bytes, read_mesh: Read, chain: JointChain, reach: Reach, tip: str, approach: Floats
+) -> ArmSizes:
     """The box about what stands still below the first joint; and of a hand with fingers that slide: their travel, the
     largest of them, and the link that they slide on. `read_mesh` as in `outline`; a mesh that cannot be read leaves its
     part out. Raises MeshError for a damaged file."""

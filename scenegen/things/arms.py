@@ -27,7 +27,7 @@ class ArmError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Base:
+class ArmBase:
     """The box around an arm's base, centred on its first axis: metres, `depth` along the heading, `width` across it."""
 
     width: float
@@ -63,7 +63,7 @@ class Arm:
     nearest: tuple[float, ...]
     farthest: tuple[float, ...]
     bearing: tuple[float, float]
-    base: Base
+    base: ArmBase
     hand: Hand
 
     @property
@@ -102,11 +102,11 @@ def read_arm(data: bytes) -> Arm:
 
 
 def make_arm(given: Mapping[str, Any]) -> Arm:
-    """The arm of fields named as those of `Arm`, `Base` and `Hand`. Raises ArmError with every mistake."""
+    """The arm of fields named as those of `Arm`, `ArmBase` and `Hand`. Raises ArmError with every mistake."""
     wrong: list[str] = []
     tables = {name: table if isinstance(table := given.get(name), Mapping) else {} for name in ("base", "hand")}
     wrong += [f"it has no table [{name}]" for name in tables if not isinstance(given.get(name), Mapping)]
-    for table, kind, prefix in ((given, Arm, ""), (tables["base"], Base, "base."), (tables["hand"], Hand, "hand.")):
+    for table, kind, prefix in ((given, Arm, ""), (tables["base"], ArmBase, "base."), (tables["hand"], Hand, "hand.")):
         known = [one.name for one in fields(kind)]
         wrong += [f"it has no field `{prefix}{name}`: {', '.join(known)}" for name in table if name not in known]
 
@@ -134,7 +134,7 @@ def make_arm(given: Mapping[str, Any]) -> Arm:
     nearest, farthest = (numbers(one, None, 0.0) for one in ("nearest", "farthest"))
     bearing = numbers("bearing", 2, -LARGEST_ARM)
     base, hand = tables["base"], tables["hand"]
-    sizes = [numbers(one.name, 0, 0.001, base, "base.") for one in fields(Base)]
+    sizes = [numbers(one.name, 0, 0.001, base, "base.") for one in fields(ArmBase)]
     opening, length = (numbers(one, 0, 0.001, hand, "hand.") for one in ("opening", "finger_length"))
     finger, palm = numbers("finger", 2, 0.001, hand, "hand."), numbers("palm", 3, 0.001, hand, "hand.")
     if heights is not None:
@@ -149,7 +149,7 @@ def make_arm(given: Mapping[str, Any]) -> Arm:
         wrong.append("`bearing` must be the lower limit, then the upper one")
     if wrong:
         raise ArmError(*wrong)
-    return Arm(str(name), heights, nearest, farthest, bearing, Base(*sizes), Hand(opening, finger, length, palm))
+    return Arm(str(name), heights, nearest, farthest, bearing, ArmBase(*sizes), Hand(opening, finger, length, palm))
 
 
 def _is_number(value: object) -> bool:

@@ -45,7 +45,7 @@ class Hinge:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Chain:
+class JointChain:
     """Hinges from the link `base` outwards, and `tip`, the frame of the tip link in that of the last hinge, which moves
     the link `last`."""
 
@@ -55,14 +55,14 @@ class Chain:
     tip: LinkFrame
 
 
-def read_chain(data: bytes, tip: str, base: str = "") -> Chain:
+def read_chain(data: bytes, tip: str, base: str = "") -> JointChain:
     """The chain from link `base` (the root, if empty) to link `tip` of a URDF file. Limits are those of <limit>, and of
     <safety_controller> where that is narrower. Raises MeshError, with line and element where there is one."""
     robot = elements(data)
     names = [link.get("name") for link, _ in links_of(robot)]
     for wanted in (tip, base or names[0]):
         if wanted not in names:
-            raise ChainError(f"it has no link `{wanted[:60]}`", f"its links are {_listed(names)}")
+            raise ChainError(f"it has no link `{wanted[:60]}`", f"its links are {_name_some(names)}")
     above = {joint.find("child").get("link"): joint for joint in robot.findall("joint")}
     steps: list[Element] = []
     link = tip
@@ -88,7 +88,7 @@ def read_chain(data: bytes, tip: str, base: str = "") -> Chain:
         frame = LinkFrame(np.eye(3), np.zeros(3))
     if len(hinges) > MAX_CHAIN_JOINTS:
         raise ChainError(f"more than {MAX_CHAIN_JOINTS} joints lead to `{tip}`", "name a base further out")
-    return Chain(base or names[0], tuple(hinges), last, frame)
+    return JointChain(base or names[0], tuple(hinges), last, frame)
 
 
 def _hinge(joint: Element, kind: str, frame: LinkFrame) -> Hinge:
@@ -107,7 +107,7 @@ def _hinge(joint: Element, kind: str, frame: LinkFrame) -> Hinge:
     return Hinge(joint.get("name"), frame, axis / length, low, high)
 
 
-def _listed(names: list[str]) -> str:
+def _name_some(names: list[str]) -> str:
     shown = ", ".join(name[:40] for name in names[-12:])
     return shown if len(names) <= 12 else f"..., {shown}"
 

@@ -13,15 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.things.chain import Chain, ChainError, rotations
+from scenegen.things.chain import ChainError, JointChain, rotations
 from scenegen.things.outline import Floats
 
 Flags = npt.NDArray[np.bool_]
 
-MAX_TILT = 1e-4  # radians off the vertical that count as straight down
+MAX_LEAN = 1e-4  # radians off the vertical that count as straight down
 MAX_MISS = 1e-6  # metres off a height or radius that count as there
-DAMPING = 1e-6  # of the Gauss-Newton steps, squared
-MAX_TURN = 0.4  # radians that a joint turns in one step
+STEP_DAMPING = 1e-6  # of the Gauss-Newton steps, squared
+MAX_JOINT_STEP = 0.4  # radians that a joint turns in one step
 VERTICAL = 1e-6  # how far the cosine of the angle between two axes may be from 1
 
 
@@ -54,7 +54,7 @@ class PostureSearch:
     is; `bearing` (rad) how far the first joint turns. Raises ChainError where the first joint does not turn about the
     vertical, or the last not about the hand's direction."""
 
-    def __init__(self, chain: Chain, approach: Floats, beyond: float) -> None:
+    def __init__(self, chain: JointChain, approach: Floats, beyond: float) -> None:
         if len(chain.hinges) < 4:
             raise ChainError(
                 "fewer than four joints move the hand",
@@ -127,7 +127,7 @@ class PostureSearch:
             all_rows, all_errors = np.concatenate(wanted, axis=1), np.stack(errors, axis=1)
             stuck = self.is_stuck(now.angles, _least(all_rows, all_errors))
             move = np.where(stuck, 0.0, _least(np.where(stuck[:, None, :], 0.0, all_rows), all_errors))
-            now = self.place(np.clip(now.angles + np.clip(move, -MAX_TURN, MAX_TURN), self.low, self.high))
+            now = self.place(np.clip(now.angles + np.clip(move, -MAX_JOINT_STEP, MAX_JOINT_STEP), self.low, self.high))
         return now
 
     def slopes(self, now: Postures) -> tuple[Floats, Floats]:
@@ -144,7 +144,7 @@ class PostureSearch:
 
     def holds(self, now: Postures, heights: Floats | None = None, radii: Floats | None = None) -> Flags:
         """(N,): which point straight down, at these heights and radii. All angles are within their limits."""
-        found = (np.hypot(now.pointing[:, 0], now.pointing[:, 1]) <= MAX_TILT) & (now.pointing[:, 2] < 0.0)
+        found = (np.hypot(now.pointing[:, 0], now.pointing[:, 1]) <= MAX_LEAN) & (now.pointing[:, 2] < 0.0)
         if heights is not None:
             found &= np.abs(now.at[:, 2] - heights) <= MAX_MISS
         if radii is not None:
@@ -167,7 +167,7 @@ class PostureSearch:
             tried = self.settle(now.angles + along * (length / steep)[:, None], 3, heights)
             better = self.holds(tried, heights) & (np.abs(goals - tried.radii) < np.abs(wish))
             now = self.place(np.where(better[:, None], tried.angles, now.angles))
-            size = np.clip(np.where(better, size * 1.5, size * 0.4), 1e-7, MAX_TURN)
+            size = np.clip(np.where(better, size * 1.5, size * 0.4), 1e-7, MAX_JOINT_STEP)
         return now
 
 
@@ -180,5 +180,5 @@ def _project(rows: Floats, want: Floats, stuck: Flags) -> Floats:
 def _least(rows: Floats, errors: Floats) -> Floats:
     """The smallest moves (N, M) with rows (N, K, M) @ move = errors (N, K), damped."""
     across = rows.transpose(0, 2, 1)
-    solved = np.linalg.solve(rows @ across + DAMPING * np.eye(rows.shape[1]), errors[:, :, None])
+    solved = np.linalg.solve(rows @ across + STEP_DAMPING * np.eye(rows.shape[1]), errors[:, :, None])
     return (across @ solved)[:, :, 0]

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from scenegen.things.chain import Chain, ChainError
+from scenegen.things.chain import ChainError, JointChain
 from scenegen.things.outline import Floats
 from scenegen.things.postures import Flags, Postures, PostureSearch
 
@@ -28,7 +28,11 @@ HEIGHT_DIGITS = 4  # decimals of a height in metres: a file has no more
 RADII = 200  # points of the grid over the length of the arm
 SETTLING, NEARING = 14, 6  # steps from a random posture, and from one that is near
 CLIMBERS, CLIMBS = 8, 40  # postures that are followed to either end of a height; steps of each
-NEIGHBOURS = 12, 40, 400  # postures from which a point of the grid is searched: at first; where these were not enough
+SEARCH_STARTS = (
+    12,
+    40,
+    400,
+)  # postures from which a point of the grid is searched, at first and later
 STRIDE = 4  # of the nearest postures every so many counts: the ends, to which many were followed, are crowded
 BISECTIONS, BEND = 4, 0.5  # rounds that add heights where the ends of the ring bend by more, in steps of the grid
 HALVINGS = 3  # of the distance from the last point that is reached to the first that is not
@@ -55,7 +59,7 @@ class Reach:
     gaps: tuple[float, ...]
 
 
-def measure_reach(chain: Chain, approach: Floats, beyond: float = 0.0) -> Reach:
+def measure_reach(chain: JointChain, approach: Floats, beyond: float = 0.0) -> Reach:
     """The ring of an arm, with the hand as `PostureSearch` takes it.
 
     Headings count up to half a turn, as those of two fingers do. Of radii that are not connected the widest ring
@@ -85,7 +89,7 @@ def _arcs(arm: PostureSearch) -> Iterator[Arc]:
         yield from ((low + slack, high - slack) for slack in SLACKS if low + slack < high - slack)
 
 
-def _covered(arc: Arc, spans: Floats) -> float:
+def _share_of_arc(arc: Arc, spans: Floats) -> float:
     return (arc[1] - arc[0]) * float((spans[:, 1] ** 2 - spans[:, 0] ** 2).sum())
 
 
@@ -109,7 +113,7 @@ class _Level:
     points: dict[float, Floats] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, height: float, now: Postures, holds: Flags) -> _Level:
+    def at_height(cls, height: float, now: Postures, holds: Flags) -> _Level:
         level = cls(height, now.angles[:0], now.radii[:0])
         level.add(now, holds)
         return level
@@ -134,10 +138,10 @@ class _Grid:
         self.arc = -math.pi, math.pi
         self.levels = self._random_levels(rng)
         self._begin(self.levels)
-        self.arc = max(_arcs(arm), key=lambda arc: _covered(arc, self._spans(arc)))
+        self.arc = max(_arcs(arm), key=lambda arc: _share_of_arc(arc, self._spans(arc)))
         self._refine(self.levels)
         for _ in range(BISECTIONS):
-            more = [self._between(*pair) for pair in self._bent()]
+            more = [self._add_level(*pair) for pair in self._bent()]
             self._begin(more)
             self._refine(more)
             self.levels = sorted([*self.levels, *more], key=lambda level: level.height)
@@ -149,7 +153,7 @@ class _Grid:
         )  # reached then whatever the heading
         first, last = _longest(spans[:, 1] - spans[:, 0] > self.step)
         levels, spans = self.levels[first:last], spans[first:last]
-        flags = [self._reached(level, self.arc) for level in levels]
+        flags = [self._reach_flags(level, self.arc) for level in levels]
         gaps = [int(one.sum()) - (end - begin) >= 2 for one in flags for begin, end in [_longest(one)]]
         heights = np.array([level.height for level in levels])
         inner = spans.copy()
@@ -174,13 +178,13 @@ class _Grid:
         least = 4.0 * 10.0**-HEIGHT_DIGITS
         return [(self.levels[at], self.levels[at + 1]) for at in sorted(bends) if heights[at + 1] - heights[at] > least]
 
-    def _between(self, low: _Level, high: _Level) -> _Level:
+    def _add_level(self, low: _Level, high: _Level) -> _Level:
         """The height halfway, with the postures that those of both lead to."""
         angles = np.concatenate([low.angles, high.angles])
         height = round((low.height + high.height) / 2.0, HEIGHT_DIGITS)
         heights = np.full(len(angles), height)
         now = self.arm.settle(angles, NEARING, heights)
-        return _Level.of(height, now, self.arm.holds(now, heights))
+        return _Level.at_height(height, now, self.arm.holds(now, heights))
 
     def _random_levels(self, rng: np.random.Generator) -> list[_Level]:
         """The heights of the grid, with what random postures come to at each."""
@@ -198,7 +202,10 @@ class _Grid:
             now = arm.settle(self._random(BATCH, rng), SETTLING, levels[chosen])
             holds = arm.holds(now, levels[chosen])
             found.append(
-                [_Level.of(height, now, holds & (chosen == number)) for number, height in enumerate(levels.tolist())]
+                [
+                    _Level.at_height(height, now, holds & (chosen == number))
+                    for number, height in enumerate(levels.tolist())
+                ]
             )
         return [_Level.union(parts) for parts in zip(*found, strict=True)]
 
@@ -213,17 +220,17 @@ class _Grid:
                 low, high = float(level.radii[0]), float(level.radii[-1])
                 whole = np.arange(math.ceil(low / self.step), math.floor(high / self.step) + 1) * self.step
                 level.points = dict.fromkeys([low, *whole.tolist(), high], np.empty(0))
-        self._search([(level, radius) for level in levels for radius in level.points], NEIGHBOURS[0])
+        self._search([(level, radius) for level in levels for radius in level.points], SEARCH_STARTS[0])
 
     def _refine(self, levels: list[_Level]) -> None:
         """Search again, from more, where not all of the arc was found; and the ends of the ring more closely."""
-        for count in NEIGHBOURS[1:]:
+        for count in SEARCH_STARTS[1:]:
             self._search([(level, radius) for level in levels for radius in self._missing(level)], count)
         for _ in range(HALVINGS):
-            self._search([(level, radius) for level in levels for radius in self._edges(level)], NEIGHBOURS[1])
+            self._search([(level, radius) for level in levels for radius in self._edges(level)], SEARCH_STARTS[1])
 
     def _missing(self, level: _Level) -> list[float]:
-        found = self._reached(level, self.arc)
+        found = self._reach_flags(level, self.arc)
         return [one for one, is_found in zip(sorted(level.points), found, strict=True) if not is_found]
 
     def _follow_ends(self, levels: list[_Level]) -> None:
@@ -264,13 +271,13 @@ class _Grid:
     def _edges(self, level: _Level) -> Iterator[float]:
         """The radii halfway from the ends of the ring to the next points that are not reached."""
         points = sorted(level.points)
-        first, last = _longest(self._reached(level, self.arc))
+        first, last = _longest(self._reach_flags(level, self.arc))
         if first < last and first > 0:
             yield (points[first - 1] + points[first]) / 2.0
         if first < last < len(points):
             yield (points[last - 1] + points[last]) / 2.0
 
-    def _reached(self, level: _Level, arc: Arc) -> Flags:
+    def _reach_flags(self, level: _Level, arc: Arc) -> Flags:
         """Which of the points of a height, ascending, are reached at all bearings of the arc."""
         parts = [level.points[radius] for radius in sorted(level.points)]
         counts = np.array(list(map(len, parts)), dtype=np.intp)
@@ -292,7 +299,7 @@ class _Grid:
         found = np.zeros((len(self.levels), 2))
         for number, level in enumerate(self.levels):
             points = sorted(level.points)
-            first, last = _longest(self._reached(level, arc))
+            first, last = _longest(self._reach_flags(level, arc))
             if last > first:
                 found[number] = points[first], points[last - 1]
         return found

@@ -184,7 +184,7 @@ def test_weighted_numbers_have_their_shares_in_every_format(tmp_path, ending):
 def test_a_number_that_is_not_listed_is_refused(tmp_path):
     scenes = scenegen.sample(scenegen.parse(WEIGHTED), (0.0, None), n=16, seed=5)
     data = json.loads(scenes.save(tmp_path / "a.json").read_bytes())
-    assert data["counts"][0] == {"name": "block", "least": 1, "most": 4, "listed": [1, 2, 4]}
+    assert data["counts"][0] == {"name": "block", "least": 1, "most": 4, "values": [1, 2, 4]}
     scene = next(one for one in data["scenes"] if one["counts"]["block"] == 4)
     del scene["poses"]["block[4]"]
     scene["counts"]["block"] = 3

@@ -72,7 +72,7 @@ def _statement(one: SourcedStatement, scope: Scope) -> Iterator[Diagnostic]:
         for expr in (*statement.levels, *(() if statement.count is None else (statement.count,))):
             yield from _expression(expr, set(), scope, source, True)
         return
-    if isinstance(statement, ast.Camera):
+    if isinstance(statement, ast.CameraDeclaration):
         for place in (statement.eye, statement.target):
             for part in place.coordinates if isinstance(place, ast.Point) else (place,):
                 yield from _expression(part, set(), scope, source, True)
@@ -344,7 +344,7 @@ def find_unused(
                     if parameter.name.id not in inside:
                         here, reason = parameter.name.span(one.source), f"the body of `{name.id}` has none"
                         out.append(UNUSED_NAME(here, kind="parameter", name=parameter.name.id, reason=reason))
-            case ast.Constant(name) | ast.Region(name) | ast.Camera(name):
+            case ast.Constant(name) | ast.Region(name) | ast.CameraDeclaration(name):
                 if name.id not in by_anything:
                     kind = type(one.statement).__name__.lower()
                     out.append(

@@ -45,7 +45,7 @@ class Declared:
 
     source: Source
     name: ast.Name
-    statement: ast.Constant | ast.Definition | ast.Label | ast.Region | ast.Camera
+    statement: ast.Constant | ast.Definition | ast.Label | ast.Region | ast.CameraDeclaration
 
     @property
     def span(self) -> Span:
@@ -294,7 +294,7 @@ def _names(statement: ast.Statement) -> Iterator[tuple[str, ast.Name, ast.Declar
                 yield "object", one.name, one
         case ast.Region(name, _):
             yield "region", name, statement
-        case ast.Camera(name):
+        case ast.CameraDeclaration(name):
             yield "camera", name, statement
         case ast.Constant(name, _):
             yield "constant", name, statement
@@ -320,7 +320,7 @@ def _declare(scope: Scope, source: Source, name: ast.Name, node: ast.Declaration
             scope.labels[name.id] = Declared(source, name, node)
         case ast.Region():
             scope.regions[name.id] = Declared(source, name, node)
-        case ast.Camera():
+        case ast.CameraDeclaration():
             scope.cameras[name.id] = Declared(source, name, node)
         case _:
             return

@@ -41,7 +41,7 @@ FURTHEST_COPY = 1000.0  # how often a shadow is as large as what casts it; beyon
 def camera(lowering: Lowering, declared: Declared) -> SpecCamera:
     """What a `camera` statement says. Raises SpecError."""
     statement, source = declared.statement, declared.source
-    assert isinstance(statement, ast.Camera)
+    assert isinstance(statement, ast.CameraDeclaration)
     eye = _place(lowering, statement.eye, source, "the place")
     target = _place(lowering, statement.target, source, "the target")
     if eye[2] <= 0.0:
@@ -87,7 +87,7 @@ def camera_clash(lowering: Lowering, fixed: Mapping[int, Pose]) -> list[Diagnost
             if low is None or not low < z < low + shape.height:
                 continue
             if PRIMITIVES["gap"].evaluate(MATH, shape.footprint, POINT, *pose, x, y, 0.0) < 0.0:
-                assert isinstance(declared.statement, ast.Camera)
+                assert isinstance(declared.statement, ast.CameraDeclaration)
                 here = declared.statement.eye.span(declared.source)
                 problems.append(WRONG_CAMERA(here, thing=lowering.builder.objects[which]))
                 break

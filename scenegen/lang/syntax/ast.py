@@ -246,7 +246,7 @@ class Constant(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Camera(Node):
+class CameraDeclaration(Node):
     """`camera NAME = at EYE looks at TARGET fov ANGLE, WIDTH:HEIGHT`; the angle is that of the picture's height."""
 
     name: Name
@@ -302,7 +302,9 @@ class Moves(Node):
     which: Name
 
 
-Statement = Workspace | Objects | Region | Constant | Camera | Definition | Require | Import | Label | Time | Moves
+Statement = (
+    Workspace | Objects | Region | Constant | CameraDeclaration | Definition | Require | Import | Label | Time | Moves
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -387,7 +389,7 @@ def expressions(statement: Statement) -> tuple[Expr, ...]:
             return (shape, *levels) if count is None else (count, shape, *levels)
         case Constant():
             return (statement.value,)
-        case Camera(_, eye, target, field_of_view, width, height):
+        case CameraDeclaration(_, eye, target, field_of_view, width, height):
             return (eye, target, field_of_view, width, height)
         case Import():
             return (statement.path,)

@@ -253,9 +253,9 @@ class Builder:
     def const(self, items: list[Any]) -> ast.Constant:
         return ast.Constant(_name(items[1]), items[3], **_extent(items))
 
-    def camera(self, items: list[Any]) -> ast.Camera:
+    def camera(self, items: list[Any]) -> ast.CameraDeclaration:
         eye, target, field, width, height = _nodes(items)
-        return ast.Camera(_name(items[1]), eye, target, field, width, height, **_extent(items))
+        return ast.CameraDeclaration(_name(items[1]), eye, target, field, width, height, **_extent(items))
 
     def define(self, items: list[Any]) -> ast.Definition:
         *parameters, body = _nodes(items)
@@ -355,7 +355,7 @@ class Builder:
     def list_(self, items: list[Any]) -> ast.List:
         return ast.List(tuple(_nodes(items)), **_extent(items))
 
-    def weighted(self, items: list[Any]) -> ast.Weighted:
+    def weighted_list(self, items: list[Any]) -> ast.Weighted:
         pairs = _nodes(items)
         return ast.Weighted(tuple(one for one, _ in pairs), tuple(weight for _, weight in pairs), **_extent(items))
 

@@ -278,7 +278,7 @@ def head(statement: ast.Statement) -> Pieces:
             )
         case ast.Constant(name):
             yield from ("const", SPACE, name.id, SPACE, "=")
-        case ast.Camera(name, eye, target, field, width, height):
+        case ast.CameraDeclaration(name, eye, target, field, width, height):
             yield from ("camera", SPACE, name.id, SPACE, "=", SPACE, "at", SPACE, ExpressionPart(eye, POSTFIX), SPACE)
             yield from ("looks", SPACE, "at", SPACE, ExpressionPart(target, POSTFIX), SPACE, "fov", SPACE)
             yield from (ExpressionPart(field, SUM), ",", SPACE)

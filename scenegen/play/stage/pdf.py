@@ -112,7 +112,7 @@ def _pages(pdf: FPDF, drawing: PaperDrawing) -> None:
                 title += f"; row {row + 1} of {rows}, column {column + 1} of {columns}: cut along the frame"
                 pdf.set_line_width(0.1)
                 pdf.set_draw_color(150)
-                pdf.rect(PAPER_EDGE, PAPER_EDGE, *room)
+                pdf.rect(PAPER_EDGE, PAPER_EDGE, room[0], room[1])
             pdf.set_font("helvetica", size=7)
             pdf.set_text_color(0)
             pdf.text(PAPER_EDGE, PAPER_EDGE - 3.0, _latin(title))

@@ -88,7 +88,12 @@ class BlockAssembler:
         self._turn = np.empty(len(cells), dtype=np.intp)  # the place of each cell in the order of its group
         self._many = np.empty(len(cells), dtype=np.intp)  # how many cells its group has
         self._group = np.empty(len(cells), dtype=np.intp)
-        self._turns_of_groups = _round(weights or (1,) * len(groups), shift)
+        often = np.ones(len(groups), dtype=np.intp) if weights is None else np.array(weights, dtype=np.intp)
+        owners = np.arange(len(groups)).repeat(often)
+        within = np.arange(len(owners)) - (often.cumsum() - often)[owners]
+        order = _order(np.arange(len(groups)), shift)
+        # the groups of a round of scenes, each as evenly as can be
+        self._owners = owners[np.lexsort((order[owners], (within + 0.5) / often[owners]))]
         for number, group in enumerate(groups):
             mine = self._index[np.array(sorted(group), dtype=np.intp)]
             self._turn[mine], self._many[mine] = _order(cells[mine], shift), len(mine)
@@ -164,13 +169,11 @@ class BlockAssembler:
 
     def _shares(self, start: int, stop: int) -> Cell:
         """How many of the scenes `start` up to `stop` belong to each cell."""
-        size = sum(map(len, self._turns_of_groups))
-        first, last = (
-            np.array([_turns(end, turns, size).sum() for turns in self._turns_of_groups])[self._group]
-            for end in (start, stop)
-        )
-        shares: Cell = _turns(last, self._turn, self._many) - _turns(first, self._turn, self._many)
-        return shares
+        size, shares = len(self._owners), list[Cell]()
+        for end in (start, stop):
+            turns = np.bincount(self._owners, _turns(end, np.arange(size), size)).astype(np.intp)
+            shares.append(_turns(turns[self._group], self._turn, self._many))
+        return shares[1] - shares[0]
 
     def _keep(self, block: Block, index: Cell, known: npt.NDArray[np.bool_]) -> None:
         horizon = min(self.done + 2 * self._size, self._wanted)
@@ -228,16 +231,6 @@ def _order(cells: Cell, shift: float) -> Cell:
     turn = np.empty(len(cells), dtype=np.intp)
     turn[np.argsort((cells * GOLDEN + shift) % 1.0, kind="stable")] = np.arange(len(cells))
     return turn
-
-
-def _round(weights: Sequence[int], shift: float) -> list[Cell]:
-    """The places of each group in a round of sum(weights) scenes, as far from each other as can be."""
-    order = _order(np.arange(len(weights)), shift).tolist()
-    places = sorted(
-        ((turn + 0.5) / weight, order[group], group) for group, weight in enumerate(weights) for turn in range(weight)
-    )
-    owner = np.array([group for _, _, group in places], dtype=np.intp)
-    return [np.flatnonzero(owner == group) for group in range(len(weights))]
 
 
 def _turns(end: Any, turn: Cell, count: Any) -> Any:

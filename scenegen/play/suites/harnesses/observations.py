@@ -15,7 +15,7 @@ from scenegen.errors.worlds import WORLD_FAILS
 
 # what a robot knows of itself, by the names that our worlds and others give it; all else is of its surroundings
 PROPRIOCEPTION = ("hand", "fingers", "joints", "agent_pos")
-BARE = "state"  # the name of an observation that is one array
+UNNAMED = "state"  # the name of an observation that is one array
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,18 +29,18 @@ class SplitObservation:
     @property
     def robot(self) -> Array:
         """(n,): what the robot knows of itself."""
-        return _joined(self.numbers[name] for name in PROPRIOCEPTION if name in self.numbers)
+        return _join(self.numbers[name] for name in PROPRIOCEPTION if name in self.numbers)
 
     @property
     def surroundings(self) -> Array:
         """(n,): all other numbers, in the order of their names."""
-        return _joined(self.numbers[name] for name in self.numbers if name not in PROPRIOCEPTION)
+        return _join(self.numbers[name] for name in self.numbers if name not in PROPRIOCEPTION)
 
 
 def split_observation(observation: Any) -> SplitObservation:
     """The pictures and the numbers in an observation: a mapping, or one array."""
     pictures, numbers = {}, {}
-    for name, value in sorted(_leaves(observation if isinstance(observation, Mapping) else {BARE: observation})):
+    for name, value in sorted(_leaves(observation if isinstance(observation, Mapping) else {UNNAMED: observation})):
         array = np.asarray(value)
         if array.dtype == np.uint8 and array.ndim == 3 and array.shape[2] == 3:
             pictures[name.removeprefix("pixels.")] = array
@@ -66,5 +66,5 @@ def _leaves(observation: Mapping[str, Any], before: str = "") -> list[tuple[str,
     return found
 
 
-def _joined(arrays: Any) -> Array:
+def _join(arrays: Any) -> Array:
     return np.concatenate([np.empty(0), *arrays])

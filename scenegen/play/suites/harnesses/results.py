@@ -126,7 +126,9 @@ def read_results(path: Path, suite: Suite) -> SuiteOutcomes:
     header = OutcomesHeader(
         suite=suite.name, digest=suite.digest, reverse=reverse, episodes=len(suite), versions=versions, **run
     )
-    outcomes = SuiteOutcomes(header, tuple(sorted(_numbered(path, suite, episodes), key=lambda one: one.episode)))
+    outcomes = SuiteOutcomes(
+        header, tuple(sorted(_number_episodes(path, suite, episodes), key=lambda one: one.episode))
+    )
     check_outcomes(path, outcomes, suite)
     return outcomes
 
@@ -148,7 +150,7 @@ def _of_robots(path: Path, log: RobotsLog) -> Iterator[_Episode]:
         yield _Episode(str(task), start, 0, digest, success, steps, one.error)
 
 
-def _numbered(path: Path, suite: Suite, episodes: list[_Episode]) -> Iterator[EpisodeOutcome]:
+def _number_episodes(path: Path, suite: Suite, episodes: list[_Episode]) -> Iterator[EpisodeOutcome]:
     """The outcomes with the numbers of their starts."""
     numbers = {task.name: suite.numbers(task) for task in suite.tasks}
     played: set[int] = set()

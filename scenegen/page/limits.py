@@ -48,7 +48,7 @@ def most_scenes(objects: int) -> int:
 
 FIELDS = {"n": "scenes", "seed": "seed", "method": "method", "spread": "spread"}
 """The page's fields by argument, as page/src/panels/Request.tsx labels them."""
-CHOICES = {("spread", "base"): "like random scenes", ("spread", "flat"): "evenly over phi", ("spread", "even"): "far apart"}
+CHOICES = {("spread", "base"): "like random scenes", ("spread", "flat"): "evenly over phi"}
 
 
 def control(name: str, value: str | None = None) -> str:

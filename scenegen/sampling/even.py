@@ -20,7 +20,7 @@ from scenegen.processes.pool import run_pieces
 from scenegen.sampling.engine.blocks import Drawing, RunProgress
 from scenegen.sampling.engine.run import jobs
 from scenegen.sampling.plan import Account, Piece, Plan, Selection, Tally, digest
-from scenegen.scenes.blocks import join_blocks
+from scenegen.scenes.blocks import Block, join_blocks
 from scenegen.scenes.coverage import features
 from scenegen.search.effort import NEVER, Budget, Stop, StoppedError
 
@@ -91,7 +91,8 @@ class Even(Selection):
         labels, coordinates = len(self.problem.labels), self.problem.rows
         if k:
             return Piece(np.empty((coordinates, 0)), np.empty((labels, 0)), np.empty(0, dtype=np.intp), np.empty(0))
-        run, blocks = RunProgress(self.plan), []
+        run = RunProgress(self.plan)
+        blocks: list[Block] = []
         with closing(run_pieces(Drawing(self.plan, labels), itertools.count(), jobs(self.plan))) as pieces:
             for piece in run.follow(pieces, lambda: self.budget.is_spent, None):
                 # with the cell of each as one more row

@@ -109,6 +109,7 @@ def complete(
     for name, odd in (
         ("n", n not in (None, len(given))),
         *((option, bool(getattr(request, option))) for option in SELECTIONS),
+        ("spread", request.spread == "even"),
         ("method", request.method not in ("auto", "rejection")),
     ):
         if odd:

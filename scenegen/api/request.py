@@ -15,6 +15,8 @@ from scenegen.errors.requests import (
     LABEL_NOT_NAMED,
     MISSING_ARGUMENT,
     NOT_FOR_MOTIONS,
+    OUT_OF_PLACE,
+    OUT_OF_RANGE,
     RANGE_NOT_A_PAIR,
     UNKNOWN_CHOICE,
     WITHOUT_MODEL,
@@ -22,7 +24,7 @@ from scenegen.errors.requests import (
 from scenegen.needs import need
 from scenegen.processes.pool import check_workers
 from scenegen.sampling.methods import METHODS
-from scenegen.sampling.request import Ends, Range, SampleRequest
+from scenegen.sampling.request import MAX_EVEN, Ends, Range, SampleRequest
 from scenegen.validation import as_list
 
 if TYPE_CHECKING:
@@ -91,6 +93,8 @@ def check_request(source: Spec | LearnedModel, request: SampleRequest) -> Sample
         raise RequestError(WITHOUT_MODEL(argument="method", rule=f"`{method}` needs a trained model"))
     if request.raw and not proposes:
         raise RequestError(WITHOUT_MODEL(argument="raw", rule="is a model's own output"))
+    if request.spread == "even":
+        _check_even(spec, request, learned)
     if request.workers is not None:
         check_workers(request.workers)
     if request.raw and request.fix:
@@ -106,6 +110,16 @@ def check_request(source: Spec | LearnedModel, request: SampleRequest) -> Sample
     if request.success is not None or request.under is not None:
         _check_success(spec, request)
     return request if method == request.method else replace(request, method=method)
+
+
+def _check_even(spec: Spec, request: SampleRequest, learned: bool) -> None:
+    """Raises RequestError where `even` has no place, and for more scenes than it can choose."""
+    if learned or spec.over_time is not None:
+        rule = "`even` chooses among exact scenes, and " + ("a model's are not" if learned else "these are motions")
+        raise RequestError(OUT_OF_PLACE(argument="spread", rule=rule, remedy="ask for `flat` or `base`"))
+    if request.n > MAX_EVEN:
+        wanted = f"at most {MAX_EVEN:,} where scenes are chosen to be far from each other"
+        raise RequestError(OUT_OF_RANGE(argument="n", value=f"{request.n:,}", wanted=wanted))
 
 
 def _check_success(spec: Spec, request: SampleRequest) -> None:

@@ -59,7 +59,8 @@ def sample(
 
     `phi` maps labels to (lowest, highest), None for an open end; labels that are not mentioned are free, and of a
     spec's only label the range itself will do. With two ends the range is cut into cells that get equal shares of the
-    scenes; `spread="base"` switches that off. From a Spec the scenes are drawn by pruned rejection (`rejection`:
+    scenes; `spread="base"` switches that off, and `spread="even"` chooses these scenes far from each other, among 16
+    times as many. From a Spec the scenes are drawn by pruned rejection (`rejection`:
     independent, and exactly distributed within a cell), by sequential Monte Carlo over objects (`growth`: for crowded
     tables) or by multilevel splitting (`splitting`: Markov chains that reach rare ranges, exact in the limit of long
     chains); `auto` takes what needs the least time by its estimate and tells `on_note`, and the header, what it took

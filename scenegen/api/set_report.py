@@ -205,12 +205,15 @@ def checked_spec(stored: StoredSet) -> CheckedSpec:
 
 
 def coverage_of(stored: StoredSet, timeout: float) -> tuple[float, float] | None:
-    """Coverage of fresh exact scenes of the same request by scenes of the set, and by other fresh ones."""
+    """Coverage of fresh exact scenes of the same request by scenes of the set, and by other fresh ones; None where
+    these cannot be made, and of scenes that were chosen far from each other, which are no sample."""
     from scenegen.api.spec import Spec
     from scenegen.scenes.coverage import coverage
 
     request = stored.header.request
     few = min(COVERAGE_SCENES, len(stored))
+    if request.spread == "even":
+        return None
     try:
         from scenegen.api.sample import sample
 

@@ -107,7 +107,9 @@ def sample(
       scenegen sample *.spec --satisfied -n 100_000 --out sets/ --engine ray
 
     LO:HI is cut into cells that get equal shares of the scenes; LO: and :HI only bound; a label that is not named is
-    free. --satisfied is short for --phi NAME=0: for every label that is not named, --violated for --phi NAME=:0.
+    free. --spread even chooses such scenes far from each other, among 16 times as many: they are exact, but no sample
+    of the base distribution. --satisfied is short for --phi NAME=0: for every label that is not named, --violated for
+    --phi NAME=:0.
 
     --settle drops every scene in PyBullet for one simulated second and keeps those in which no object moves more than
     1 cm or turns more than 5 degrees; what was refused is counted by object. If fewer than -n scenes are found in time,

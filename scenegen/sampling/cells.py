@@ -60,7 +60,7 @@ def cut(request: SampleRequest, labels: Sequence[str], most: float = math.inf) -
     wants a few scenes needs no more."""
     ranges = [request.phi.get(label, Range()) for label in labels]
     low, high = np.array([wanted.ends for wanted in ranges]).reshape(-1, 2).T.copy()
-    bounded = tuple(k for k, wanted in enumerate(ranges) if wanted.is_bounded) if request.spread == "flat" else ()
+    bounded = tuple(k for k, wanted in enumerate(ranges) if wanted.is_bounded) if request.spread != "base" else ()
     pieces = CELLS_PER_LABEL.get(len(bounded), 8)
     if most < pieces ** len(bounded):
         pieces = math.ceil(most ** (1 / len(bounded)))

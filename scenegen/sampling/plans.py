@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from scenegen.errors import RequestError
 from scenegen.sampling.engine.run import SampledScenes, in_memory
 from scenegen.sampling.methods import METHODS
+from scenegen.sampling.request import EVEN_CANDIDATES
 from scenegen.search.effort import Budget, StoppedError
 
 if TYPE_CHECKING:
@@ -47,6 +48,13 @@ def plan_for(
     `model` proposes its scenes, if it is one for a model; `on_note` gets what `auto` chose, `watch` is shown what comes
     near the motions of a spec over time. Raises RequestError where there is no scene, or time is up before there is a
     plan."""
+    if request.spread == "even":
+        from scenegen.sampling.even import Even
+
+        many = replace(request, n=EVEN_CANDIDATES * request.n, spread="flat")
+        drawn = plan_for(spec, many, budget, on_note=on_note)
+        asked = replace(drawn.problem.request, n=request.n, spread=request.spread)
+        return Even(replace(drawn.problem, request=asked), drawn, budget, why=drawn.why)
     if spec.timed is not None:
         from scenegen.sampling.motions.sampler import plan_motions
         from scenegen.sampling.motions.scores import make_motion_problem

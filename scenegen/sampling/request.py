@@ -38,12 +38,14 @@ from scenegen.validation import Option, as_int, as_list, as_number, as_path, by_
 Progress: TypeAlias = Callable[[int, int, int], None]
 """Called after each piece: scenes found, scenes requested, candidates in the requested cells."""
 
-Spread = Literal["flat", "base"]
+Spread = Literal["flat", "base", "even"]
 SPREADS: tuple[str, ...] = get_args(Spread)
 
 BAND_HALF_WIDTH = 0.0125  # half the width of the band suggested in place of a single value: the paper's tolerance
 DEFAULT_SCENES = 16  # scenes, where nobody says how many
 MAX_SCENES = 1_000_000_000
+EVEN_CANDIDATES = 16  # scenes that are drawn for each that is chosen by `even`
+MAX_EVEN = 4096  # scenes that are chosen by `even`: the time grows with their square
 MAX_PHI = 1e12
 MAX_SEED = 2**63 - 1
 PHI_UNITS = ("", "m", "cm", "mm", "rad", "deg")
@@ -310,7 +312,13 @@ class SampleRequest:
     ] = DEFAULT_SCENES
     seed: Annotated[int, Option("The same seed gives the same scenes.", most=MAX_SEED)] = 0
     method: Annotated[str, Option(methods_help(), hints=METHODS, panel=DRAWING_PANEL)] = "auto"
-    spread: Annotated[str, Option("flat: evenly over the range of phi; base: as they occur.", choices=SPREADS)] = "flat"
+    spread: Annotated[
+        str,
+        Option(
+            "flat: evenly over the range of phi; base: as they occur; even: as flat, and far from each other.",
+            choices=SPREADS,
+        ),
+    ] = "flat"
     fix: Annotated[
         Mapping[str, FixedPose | tuple[float, ...]],
         Option(

@@ -303,7 +303,7 @@ class RequestData(_StrictSceneModel):
 
     phi: dict[str, EndsData]
     n: Annotated[int, Field(ge=1)]
-    spread: Literal["flat", "base"] = "flat"
+    spread: Literal["flat", "base", "even"] = "flat"
 
 
 class SceneFile(_StrictSceneModel):

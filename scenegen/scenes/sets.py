@@ -73,7 +73,7 @@ class StoredRequest(BaseModel):
     phi: dict[str, EndsData]
     n: Count
     seed: Seed
-    spread: Literal["flat", "base"]
+    spread: Literal["flat", "base", "even"]
     scenegen: str
     numpy: str
     parts: list[StratumData] = []

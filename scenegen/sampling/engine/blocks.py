@@ -126,6 +126,11 @@ class BlockAssembler:
         lacks = self._shares(self.done, self._wanted) - self._count
         return int(self._cells[int(lacks.argmax())])
 
+    @property
+    def shares(self) -> dict[int, int]:
+        """How many of all scenes belong to each reached cell."""
+        return dict(zip(self._cells.tolist(), self._shares(0, self._wanted).tolist(), strict=True))
+
     def offer(self, block: Block, cell: Cells) -> Iterator[Block]:
         """The blocks that m more candidates complete; `cell` (m,) is -1 for those out of range."""
         cell = cell.astype(np.intp, copy=False)

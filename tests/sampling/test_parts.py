@@ -552,11 +552,14 @@ def test_surfaces_are_chosen_of_those_that_are_there(tmp_path):
 
 def test_the_mixture_of_tails_is_the_mean():
     low, high = constant_phi(0.1), constant_phi(0.3)
-    tail = MixedTail((low.up, high.up))
+    tail = MixedTail((low.up, high.up), (1, 1))
     assert (tail.end, tail.whole) == (0.3, True)
     assert 10.0 ** tail(0.2).log10 == pytest.approx(0.5) and tail(0.05).log10 == 0.0 and tail(0.4) is None
     assert tail.quantile(0.25) == 0.3 and tail.quantile(0.75) == 0.1
-    assert mean_estimate([None, None]) is None
+    often = MixedTail((low.up, high.up), (3, 1))
+    assert 10.0 ** often(0.2).log10 == pytest.approx(0.25)
+    assert often.quantile(0.2) == 0.3 and often.quantile(0.3) == 0.1
+    assert mean_estimate([None, None], (1, 2)) is None
 
 
 def test_a_run_that_is_cut_short_does_not_speak_of_equal_shares(spec):

@@ -15,7 +15,7 @@ const TOPICS: [string, string[]][] = [
   ["Set a table", ["dinner_for_two", "table_setting", "tea_party", "sushi_plate", "fruit_bowl"]],
   ["Desk and workshop", ["tidy_desk", "office_desk", "book_corner", "medical_tray", "toolbox_drawer"]],
   ["Shelves, drawers, bins", ["wall_shelf", "pantry_shelf", "shop_shelf", "put_away", "bottle_rack", "cutlery_drawer", "cutlery_tray", "packing_tray", "sorting_bins", "recycling", "served_pot"]],
-  ["Robots", ["graspable_pick", "robot_placement"]],
+  ["Robots and cameras", ["graspable_pick", "robot_placement", "occlusion_ladder"]],
   ["More", ["chess_corner", "sort_5", "sort_7", "sort_7_quantified", "table_setting_published"]],
 ];
 

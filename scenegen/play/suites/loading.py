@@ -26,7 +26,7 @@ WORLDS = {
     "libero": "scenegen.play.suites.adapters.libero:make",
     "libero-pictures": "scenegen.play.suites.adapters.libero:seeing",
 }
-HAND = "hand:"  # begins the name of a world that a person is, and of what that person starts by hand
+HAND, HAND_WORLD = "hand:", "scenegen.play.stage.hand:load_hand"  # begins the name of a world that a person is, and of what that person starts by hand
 ENTRY_POINT_GROUPS: dict[Role, str] = {"world": "scenegen.worlds", "policy": "scenegen.policies"}
 
 
@@ -49,9 +49,7 @@ def check_name(role: Role, text: str) -> None:
 def load_named(role: Role, text: str) -> Any:
     """The world or policy of that name. Raises RequestError for an entry point of no use, and what an import raises."""
     if text.startswith(HAND):
-        from scenegen.play.stage.hand import load_hand
-
-        return load_hand(role, text.removeprefix(HAND))
+        return load_named("world", HAND_WORLD)(role, text.removeprefix(HAND))
     text = WORLDS.get(text, text) if role == "world" else text
     where, _, name = text.rpartition(":")
     if not where:

@@ -179,9 +179,9 @@ def camera(folder: Path) -> None:
     (folder / "front.toml").write_text(FRONT)
     spec = scenegen.load(SPECS / "occlusion_ladder.spec")
     pictures: list[Path] = []
-    for label in spec.labels:
-        scenes = scenegen.sample(spec, phi={label: (0.0, None)}, n=1, seed=4)
-        made = scenes.render(folder / label, views=("look",), size=(440, 330), looks=str(folder / "front.toml"))
+    for number, rung in enumerate(((0.05, None), (0.01, 0.04), (-0.02, 0.01), (-0.045, -0.02))):
+        scenes = scenegen.sample(spec, phi=rung, n=1, seed=4)
+        made = scenes.render(folder / str(number), views=("look",), size=(440, 330), looks=str(folder / "front.toml"))
         pictures += made.pictures
     small("camera.png", side_by_side(pictures, 4), smooth=True)
 

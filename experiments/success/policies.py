@@ -25,19 +25,6 @@ def steady(env: Any) -> Any:
     return scripted(env, STEADY)
 
 
-class Again:
-    """`steady` on the same starts with other noise: how far a start decides its own outcome."""
-
-    def __init__(self, env: Any) -> None:
-        self.policy = steady(env)
-
-    def reset(self, seed: int) -> None:
-        self.policy.reset(seed ^ 1)
-
-    def __call__(self, observation: Any, instruction: str) -> Any:
-        return self.policy(observation, instruction)
-
-
 def shaky(env: Any) -> Any:
     return scripted(env, SHAKY)
 

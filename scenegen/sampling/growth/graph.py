@@ -23,6 +23,7 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.geometry import Footprint
 from scenegen.geometry.footprint import POINT, Circle
+from scenegen.geometry.interval import narrows_poses
 from scenegen.geometry.primitives import argument_kinds
 from scenegen.lang.formula.core import (
     REQUIRE,
@@ -403,6 +404,8 @@ class _Builder:
     def _possible_ways(self, ways: Sequence[Way]) -> list[Way]:
         """The ways that contraction does not rule out in all cells."""
         problem = self._problem
+        if not narrows_any(problem, (one for way in ways for one in way.clauses), list(problem.tape.rows)):
+            return list(ways)
         wanted = [{one.node: (float(one.low.min()), float(one.high.max())) for one in way.clauses} for way in ways]
         shape = (len(problem.lowest), len(ways))
         box = [np.broadcast_to(ends[:, None], shape) for ends in (problem.lowest, problem.highest)]
@@ -417,6 +420,7 @@ class _Builder:
         """What contraction by the clauses that every scene meets leaves of the box of poses, for each cell: (3N, C)."""
         problem, tape = self._problem, self._problem.tape
         count = problem.cells.count
+        clauses = [one for one in clauses if narrows_any(problem, [one], list(tape.rows))]
         lowest = np.repeat(problem.lowest[:, None], count, axis=1)
         highest = np.repeat(problem.highest[:, None], count, axis=1)
         wanted = [{one.node: (float(one.low[cell]), float(one.high[cell])) for one in clauses} for cell in range(count)]
@@ -442,6 +446,27 @@ def demands_of(core: Core, clause: Clause) -> dict[int, tuple[Array, Array]]:
             ends = found.setdefault(node, (np.full(count, -np.inf), np.full(count, np.inf)))
             ends[0][cell], ends[1][cell] = low, high
     return found
+
+
+def narrows_any(problem: Problem, clauses: Iterable[Clause], rows: Sequence[int]) -> bool:
+    """Whether contraction by some clauses may narrow some of these rows: not where they read them through clearances
+    alone that narrow nothing."""
+    tape = problem.tape
+    mine, seen, idle = {tape.rows[row] for row in rows}, set[int](), False
+    waiting = [tape.where[one.node] for one in clauses]
+    while waiting:
+        place = waiting.pop()
+        if place in mine:
+            return True
+        if place in seen:
+            continue
+        seen.add(place)
+        node = tape.nodes[place]
+        if isinstance(node, Apply) and node.primitive == "gap" and not narrows_poses(node.shapes[0]):
+            idle = True
+        else:
+            waiting += children(node)
+    return not idle
 
 
 Even = tuple[int, int, float]

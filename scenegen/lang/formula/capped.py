@@ -133,7 +133,7 @@ class CappedNumbers:
         return least
 
     def _find_near(self, pose: Pose) -> _Near:
-        numbers = np.broadcast_arrays(*map(self._values, pose))
+        numbers = np.broadcast_arrays(*(np.atleast_1d(self._values(node)) for node in pose))
         dx, dy = numbers[3] - numbers[0], numbers[4] - numbers[1]
         limit = self._minima.far[pose] * (1.0 + ROUNDING_SHARE) + ROUNDING_SHARE
         at = np.nonzero(~(dx * dx + dy * dy > limit * limit))

@@ -23,7 +23,7 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.geometry import Footprint
 from scenegen.geometry.footprint import POINT, Circle
-from scenegen.geometry.interval import narrows_poses
+from scenegen.geometry.interval import Interval, narrows_poses
 from scenegen.geometry.primitives import argument_kinds
 from scenegen.lang.formula.core import (
     REQUIRE,
@@ -40,7 +40,7 @@ from scenegen.lang.formula.core import (
 )
 from scenegen.pose import FLAT, PLACE, X, owner, row_of, rows_of
 from scenegen.sampling.problem import Problem
-from scenegen.search.contract import EVERYTHING, SWEEPS, Bounds, contract, intersect, push_down, start
+from scenegen.search.contract import EVERYTHING, SWEEPS, Bounds, contract, intersect, node_bounds, push_down, start
 from scenegen.search.effort import Effort
 from scenegen.search.surfaces import Stand, stands_of
 from scenegen.search.tape import make_tape
@@ -271,6 +271,7 @@ class _Builder:
     ) -> None:
         self._effort = Effort() if effort is None else effort
         self._problem, self._core, self._rounds = problem, problem.core, rounds
+        self._bounds: list[Interval] | None = None
         self._switches = {one.switch: thing for thing, one in stands.items() if one.switch is not None}
         free = problem.lowest < problem.highest
         self._reads: list[int] = []  # bit r of entry i: node i reads row r, and row r is free
@@ -403,9 +404,12 @@ class _Builder:
 
     def _possible_ways(self, ways: Sequence[Way]) -> list[Way]:
         """The ways that contraction does not rule out in all cells."""
-        problem = self._problem
-        if not narrows_any(problem, (one for way in ways for one in way.clauses), list(problem.tape.rows)):
-            return list(ways)
+        problem, rows, everything = self._problem, list(self._problem.tape.rows), ways
+        idle = [way for way in ways if not narrows_any(problem, way.clauses, rows)]
+        gone = {id(way) for way in idle if not self._lies_in_bounds(way)}
+        ways = [way for way in ways if all(way is not one for one in idle)]
+        if not ways:
+            return [way for way in everything if id(way) not in gone]
         wanted = [{one.node: (float(one.low.min()), float(one.high.max())) for one in way.clauses} for way in ways]
         shape = (len(problem.lowest), len(ways))
         box = [np.broadcast_to(ends[:, None], shape) for ends in (problem.lowest, problem.highest)]
@@ -414,7 +418,16 @@ class _Builder:
         nodes, number = restrict(tape.nodes, [tape.where[node] for ends in wanted for node in ends])
         old = list(number)
         alive = contract(nodes, lo[old], hi[old], self._rounds, effort=self._effort)
-        return [way for way, possible in zip(ways, alive, strict=True) if possible]
+        gone |= {id(way) for way, possible in zip(ways, alive, strict=True) if not possible}
+        return [way for way in everything if id(way) not in gone]
+
+    def _lies_in_bounds(self, way: Way) -> bool:
+        """Whether bounds over all poses leave a way open."""
+        if self._bounds is None:
+            with np.errstate(all="ignore"):
+                self._bounds = node_bounds(self._core, self._problem.lowest, self._problem.highest, self._effort)
+        ends = [(self._bounds[one.node], one) for one in way.clauses]
+        return all(bound.lo <= one.high.max() and bound.hi >= one.low.min() for bound, one in ends)
 
     def box(self, clauses: Sequence[Clause]) -> tuple[Array, Array]:
         """What contraction by the clauses that every scene meets leaves of the box of poses, for each cell: (3N, C)."""

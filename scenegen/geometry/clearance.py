@@ -11,7 +11,10 @@ do not, it is the distance of some corner of either to the other.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
+
+import numpy as np
 
 from scenegen.geometry.footprint import Box, Circle, Footprint, PlacedBox, Polygon, corners, edges
 from scenegen.geometry.namespace import Namespace
@@ -74,7 +77,7 @@ def gap(
     metres."""
     dx, dy = bx - ax, by - ay
     if isinstance(a, PlacedBox) and isinstance(b, Circle | Box):
-        return _offset_box_gap(ns, a, b, dx, dy, ns.turn(a_theta), b_theta)
+        return _offset_box_gap(ns, a.box, (a.offset, a.turn), b, dx, dy, ns.turn(a_theta), b_theta)
     if isinstance(a, Circle):
         if isinstance(b, Circle):
             return ns.hypot(dx, dy) - (a.radius + b.radius)
@@ -91,13 +94,33 @@ def gap(
     return ns.where(apart > 0.0, ns.sqrt(ns.minimum(one[1], other[1])), apart)
 
 
-def _offset_box_gap(ns: Namespace, a: PlacedBox, b: Circle | Box, dx: Any, dy: Any, turn: Turn, b_theta: Any) -> Any:
-    (cos, sin), (x, y), (own_cos, own_sin) = turn, a.offset, a.turn
+def placed_gaps(
+    ns: Namespace,
+    boxes: Sequence[PlacedBox],
+    b: Circle | Box,
+    ax: Any,
+    ay: Any,
+    a_theta: Any,
+    bx: Any,
+    by: Any,
+    b_theta: Any,
+) -> Any:
+    """`gap` for K boxes of one size, placed in the same frame, and arrays (n,) of numpy, all at once: (K, n)."""
+    numbers = np.array([(*one.offset, *one.turn) for one in boxes]).T[:, :, None]
+    frame = (numbers[0], numbers[1]), (numbers[2], numbers[3])
+    return _offset_box_gap(ns, boxes[0].box, frame, b, bx - ax, by - ay, ns.turn(a_theta), b_theta)
+
+
+def _offset_box_gap(
+    ns: Namespace, box: Box, frame: tuple[Turn, Turn], b: Circle | Box, dx: Any, dy: Any, turn: Turn, b_theta: Any
+) -> Any:
+    """Of a box whose centre is at an offset in the frame of its thing, and turned there: `frame` is both."""
+    (cos, sin), ((x, y), (own_cos, own_sin)) = turn, frame
     dx, dy = dx - (cos * x - sin * y), dy - (sin * x + cos * y)
     cos, sin = cos * own_cos - sin * own_sin, sin * own_cos + cos * own_sin
     if isinstance(b, Circle):
-        return _facing(ns, a.box, [_into_frame(cos, sin, dx, dy)]) - b.radius
-    return box_gap(ns, a.box, b, dx, dy, (cos, sin), ns.turn(b_theta))
+        return _facing(ns, box, [_into_frame(cos, sin, dx, dy)]) - b.radius
+    return box_gap(ns, box, b, dx, dy, (cos, sin), ns.turn(b_theta))
 
 
 def room(

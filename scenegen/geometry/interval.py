@@ -529,9 +529,14 @@ def _at_corners(
 # They invert bounds that hold in one direction, along x or y, or for the discs around and inside the footprints.
 
 
+def narrows_poses(a: Footprint) -> bool:
+    """Whether `back_gap` can narrow anything."""
+    return not isinstance(a, PlacedBox)  # see `gap`
+
+
 @quiet
 def back_gap(a: Footprint, b: Footprint, result: Interval, *pose: Interval) -> Intervals:
-    if isinstance(a, PlacedBox):  # see `gap`
+    if not narrows_poses(a):
         return pose
     one, other = measures(a), measures(b)
     _, _, at, _, _, bt = pose

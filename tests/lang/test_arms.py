@@ -10,9 +10,14 @@ from scenegen.errors import SpecError
 from scenegen.geometry import MATH, NUMPY, PRIMITIVES, Box, Circle
 from scenegen.geometry.footprint import Polygon, place_box
 from scenegen.lang.checker import check_file, check_text
+from scenegen.lang.formula.capped import find_capped
 from scenegen.lang.formula.interpret import evaluate, phi
 from scenegen.learn.robustness import Robustness
 from scenegen.resources import grammar_file
+from scenegen.sampling.growth.constraints import make_values
+from scenegen.sampling.growth.graph import make_graph, narrows_any
+from scenegen.sampling.problem import make_problem
+from scenegen.sampling.request import Range, SampleRequest
 from scenegen.search.contract import contract, push_down, start
 from scenegen.search.tape import make_batches, make_tape
 from scenegen.things.arms import ArmError, read_arm, shipped_arm, shipped_arms
@@ -76,6 +81,33 @@ def test_readers_agree(name):
     points = torch.from_numpy(rows).requires_grad_()
     Robustness(spec.core).rows(points).sum().backward()
     assert torch.isfinite(points.grad).all() and (points.grad != 0).any()
+
+
+@pytest.mark.parametrize("name", SPECS)
+def test_clearances_that_cannot_decide_are_left_out(name):
+    core = check_text(SPECS[name]).core
+    rows = scenes_of(check_text(SPECS[name]), 3, 300)
+    near = 0.2 * rows  # all within a fifth of the table: most hands are in the way of something
+    near[:, 7] = np.nan
+    # where surfaces are drawn, so are heights: nothing is left out
+    assert bool(find_capped(core.nodes, core.labels.values()).skipped) == (name != "chosen")
+    for some in (rows, near):
+        whole, pruned = evaluate(core, list(some), NUMPY), evaluate(core, list(some), NUMPY, None, core.labels.values())
+        for node in core.labels.values():
+            np.testing.assert_array_equal(pruned[node], whole[node])
+        again = make_values(core, list(core.labels.values()))(list(some[:, None, :]))
+        for found, node in zip(again, core.labels.values(), strict=True):
+            np.testing.assert_array_equal(np.broadcast_to(found, (1, 300))[0], np.broadcast_to(whole[node], 300))
+
+
+def test_rooms_of_growth_are_contracted_by_what_narrows_them_alone():
+    spec = check_text(HEAD + "task: graspable(can, arm)")
+    problem = make_problem(spec, SampleRequest(n=1, phi={"task": Range(0.0, None)}, seed=0))
+    graph = make_graph(problem)
+    rows = list(problem.tape.rows)
+    (choice,) = graph.choices
+    assert not narrows_any(problem, [choice.ways[0].whole], rows)
+    assert any(narrows_any(problem, [one], rows) for one in graph.clauses)
 
 
 @pytest.mark.parametrize("other", [Box(0.1, 0.03), Circle(0.04), Polygon(((0.0, 0.0), (0.1, 0.0), (0.0, 0.07)))])

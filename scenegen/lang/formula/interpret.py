@@ -23,6 +23,7 @@ from scenegen.geometry import MATH, NUMPY, PRIMITIVES, Namespace
 from scenegen.geometry.footprint import Circle, Footprint, measures
 from scenegen.geometry.namespace import turning
 from scenegen.geometry.primitives import argument_kinds
+from scenegen.lang.formula.capped import NO_CAPPED, CappedMinima, CappedNumbers, find_capped
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node, children, last_uses
 from scenegen.pose import FLAT, PLACE, THETA, owner, rows_along
 
@@ -79,6 +80,7 @@ class GapMinima:
 
     by_node: Mapping[int, NearestPairs]
     skipped: frozenset[int]
+    capped: CappedMinima = NO_CAPPED  # for numpy alone
 
     def last_uses(self, core: Core) -> list[list[int]]:
         """last_uses(core), where gaps are computed with their minimum."""
@@ -109,7 +111,7 @@ def find_groups(
         if len(found) >= dozen * len({one.shapes for one in pairs.alike}):
             minima[index] = pairs
             skipped |= pairs.within
-    return GapMinima(minima, frozenset(skipped))
+    return GapMinima(minima, frozenset(skipped), find_capped(core.nodes, needed))
 
 
 _Found = tuple[tuple[int, ...], Apply, float]
@@ -326,9 +328,14 @@ class PrunedNumbers(Numbers):
     def __init__(self, namespace: Namespace, rows: Sequence[Any], groups: GapMinima, values: list[Any]) -> None:
         super().__init__(namespace, rows)
         self.groups, self.values = groups, values
+        self.capped = CappedNumbers(groups.capped, values.__getitem__)
+        self.skipped = groups.skipped | groups.capped.skipped
 
     def apply(self, index: int, node: Apply, args: list[Any]) -> Any:
-        return None if index in self.groups.skipped else super().apply(index, node, args)
+        if index in self.skipped:
+            return None
+        capped = self.groups.capped.by_node.get(index)
+        return super().apply(index, node, args) if capped is None else self.capped.minimum(capped)
 
     def junction(self, index: int, node: Junction, args: list[Any]) -> Any:
         if index in self.groups.skipped:
@@ -360,7 +367,7 @@ def evaluate(
         namespace = turning(namespace, rows[rows_along(THETA)])
     if needed is not None and many:
         groups = needed if isinstance(needed, GapMinima) else find_groups(core, needed)
-        if groups.skipped:
+        if groups.skipped or groups.capped.skipped:
             values: list[Any] = []
             return fold(core.nodes, PrunedNumbers(namespace, rows, groups, values), before=check, values=values)
     return fold(core.nodes, Numbers(namespace, rows), before=check)

@@ -17,9 +17,11 @@ import numpy as np
 from scenegen.arrays import Array, Bool, Index
 from scenegen.geometry import NUMPY, PRIMITIVES, Footprint
 from scenegen.geometry.footprint import Box, Circle, Polygon, corners, edges, measures
+from scenegen.geometry.namespace import turning
+from scenegen.lang.formula.capped import CappedMinima, find_capped
 from scenegen.lang.formula.core import Coord, Core, Node, restrict
-from scenegen.lang.formula.interpret import Numbers, fold
-from scenegen.pose import FLAT, rows_along
+from scenegen.lang.formula.interpret import GapMinima, Numbers, PrunedNumbers, fold
+from scenegen.pose import FLAT, THETA, rows_along
 from scenegen.sampling.growth.graph import Clause, Graph, Pair
 from scenegen.search.effort import Effort
 
@@ -104,16 +106,22 @@ def _lowest(values: list[Array]) -> Array:
 class Values:
     """The values of some formula nodes over many columns of poses. `steps` are the nodes that these need, with
     arguments that count within the steps; `wanted` are the steps of the nodes asked for, `rows` the rows of (3N, B)
-    storage that are read."""
+    storage that are read, `capped` the minima of which only a part is computed."""
 
     steps: tuple[Node, ...]
     wanted: tuple[int, ...]
     rows: tuple[int, ...]
+    capped: CappedMinima
 
     def __call__(self, rows: Sequence[Any], check: Callable[[], None] | None = None) -> list[Array]:
         """One value per wanted node. `rows` are 3N arrays that broadcast against each other, or numbers. `check` is
         called before each primitive: what it raises ends the work."""
-        values = fold(self.steps, Numbers(NUMPY, rows), before=check)
+        values: list[Any] = []
+        numbers = Numbers(NUMPY, rows)
+        if self.capped.skipped:
+            turned = turning(NUMPY, rows[rows_along(THETA)])
+            numbers = PrunedNumbers(turned, rows, GapMinima({}, frozenset(), self.capped), values)
+        fold(self.steps, numbers, before=check, values=values)
         return [values[place] for place in self.wanted]
 
 
@@ -121,7 +129,8 @@ def make_values(core: Core, wanted: Sequence[int]) -> Values:
     """The evaluator of some nodes of a core."""
     steps, place = restrict(core.nodes, wanted)
     rows = tuple(sorted({node.row for node in steps if isinstance(node, Coord)}))
-    return Values(steps, tuple(place[node] for node in wanted), rows)
+    numbers = tuple(place[node] for node in wanted)
+    return Values(steps, numbers, rows, find_capped(steps, numbers))
 
 
 MAX_DISTANCES_AT_ONCE = 1 << 15  # distances computed at a time: they stay in the cache

@@ -23,6 +23,7 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.geometry import Footprint
 from scenegen.geometry.footprint import POINT, Circle
+from scenegen.geometry.interval import Interval, narrows_poses
 from scenegen.geometry.primitives import argument_kinds
 from scenegen.lang.formula.core import (
     REQUIRE,
@@ -39,7 +40,7 @@ from scenegen.lang.formula.core import (
 )
 from scenegen.pose import FLAT, PLACE, X, owner, row_of, rows_of
 from scenegen.sampling.problem import Problem
-from scenegen.search.contract import EVERYTHING, SWEEPS, Bounds, contract, intersect, push_down, start
+from scenegen.search.contract import EVERYTHING, SWEEPS, Bounds, contract, intersect, node_bounds, push_down, start
 from scenegen.search.effort import Effort
 from scenegen.search.surfaces import Stand, stands_of
 from scenegen.search.tape import make_tape
@@ -270,6 +271,7 @@ class _Builder:
     ) -> None:
         self._effort = Effort() if effort is None else effort
         self._problem, self._core, self._rounds = problem, problem.core, rounds
+        self._bounds: list[Interval] | None = None
         self._switches = {one.switch: thing for thing, one in stands.items() if one.switch is not None}
         free = problem.lowest < problem.highest
         self._reads: list[int] = []  # bit r of entry i: node i reads row r, and row r is free
@@ -402,7 +404,12 @@ class _Builder:
 
     def _possible_ways(self, ways: Sequence[Way]) -> list[Way]:
         """The ways that contraction does not rule out in all cells."""
-        problem = self._problem
+        problem, rows, everything = self._problem, list(self._problem.tape.rows), ways
+        idle = [way for way in ways if not narrows_any(problem, way.clauses, rows)]
+        gone = {id(way) for way in idle if not self._lies_in_bounds(way)}
+        ways = [way for way in ways if all(way is not one for one in idle)]
+        if not ways:
+            return [way for way in everything if id(way) not in gone]
         wanted = [{one.node: (float(one.low.min()), float(one.high.max())) for one in way.clauses} for way in ways]
         shape = (len(problem.lowest), len(ways))
         box = [np.broadcast_to(ends[:, None], shape) for ends in (problem.lowest, problem.highest)]
@@ -411,12 +418,22 @@ class _Builder:
         nodes, number = restrict(tape.nodes, [tape.where[node] for ends in wanted for node in ends])
         old = list(number)
         alive = contract(nodes, lo[old], hi[old], self._rounds, effort=self._effort)
-        return [way for way, possible in zip(ways, alive, strict=True) if possible]
+        gone |= {id(way) for way, possible in zip(ways, alive, strict=True) if not possible}
+        return [way for way in everything if id(way) not in gone]
+
+    def _lies_in_bounds(self, way: Way) -> bool:
+        """Whether bounds over all poses leave a way open."""
+        if self._bounds is None:
+            with np.errstate(all="ignore"):
+                self._bounds = node_bounds(self._core, self._problem.lowest, self._problem.highest, self._effort)
+        ends = [(self._bounds[one.node], one) for one in way.clauses]
+        return all(bound.lo <= one.high.max() and bound.hi >= one.low.min() for bound, one in ends)
 
     def box(self, clauses: Sequence[Clause]) -> tuple[Array, Array]:
         """What contraction by the clauses that every scene meets leaves of the box of poses, for each cell: (3N, C)."""
         problem, tape = self._problem, self._problem.tape
         count = problem.cells.count
+        clauses = [one for one in clauses if narrows_any(problem, [one], list(tape.rows))]
         lowest = np.repeat(problem.lowest[:, None], count, axis=1)
         highest = np.repeat(problem.highest[:, None], count, axis=1)
         wanted = [{one.node: (float(one.low[cell]), float(one.high[cell])) for one in clauses} for cell in range(count)]
@@ -442,6 +459,27 @@ def demands_of(core: Core, clause: Clause) -> dict[int, tuple[Array, Array]]:
             ends = found.setdefault(node, (np.full(count, -np.inf), np.full(count, np.inf)))
             ends[0][cell], ends[1][cell] = low, high
     return found
+
+
+def narrows_any(problem: Problem, clauses: Iterable[Clause], rows: Sequence[int]) -> bool:
+    """Whether contraction by some clauses may narrow some of these rows: not where they read them through clearances
+    alone that narrow nothing."""
+    tape = problem.tape
+    mine, seen, idle = {tape.rows[row] for row in rows}, set[int](), False
+    waiting = [tape.where[one.node] for one in clauses]
+    while waiting:
+        place = waiting.pop()
+        if place in mine:
+            return True
+        if place in seen:
+            continue
+        seen.add(place)
+        node = tape.nodes[place]
+        if isinstance(node, Apply) and node.primitive == "gap" and not narrows_poses(node.shapes[0]):
+            idle = True
+        else:
+            waiting += children(node)
+    return not idle
 
 
 Even = tuple[int, int, float]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from scenegen.arrays import Array, Bool, Index
 from scenegen.pose import FLAT, row_of
 from scenegen.sampling.growth.constraints import ObjectConstraints, is_within
-from scenegen.sampling.growth.graph import Clause
+from scenegen.sampling.growth.graph import Clause, narrows_any
 from scenegen.sampling.growth.model import GrowthModel, MoveTally, Particles, chance
 from scenegen.sampling.growth.room import Boxes, SurfacePlaces, make_room
 
@@ -120,10 +121,11 @@ def aim_boxes(particles: Particles, boxes: Boxes, new: Sequence[NewClauses], sta
     nothing, and the last object that can meet a choice must. What the mixture is like decides how even the weights are;
     the weights undo it.
     """
-    if not new:
-        return boxes
     model, thing = particles.model, particles.model.order[stage]
     constraints = model.constraints[thing]
+    new = [one for one in new if narrows_any(model.problem, chain(*one.clauses), constraints.rows)]
+    if not new:
+        return boxes
     each = max(1, MAX_BOXES // 2 // len(new))
     parts = [(one, place) for one in new for place in range(min(each, len(one.numbers)))]
     key = "aimed", stage

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 
 from scenegen.arrays import Array, Bool, Index
 from scenegen.pose import FLAT, PLACE, THETA, X, Y, owner, row_of
-from scenegen.sampling.growth.graph import Clause
+from scenegen.sampling.growth.graph import Clause, narrows_any
 from scenegen.sampling.growth.insertion import MAX_POSES_AT_ONCE, attempt, choices_after, score_poses
 from scenegen.sampling.growth.model import GrowthModel, MoveTally, Particles
 from scenegen.sampling.growth.room import FreePoses, SupportPoses, make_room
@@ -177,7 +178,7 @@ def jump(particles: Particles, thing: int, tally: MoveTally) -> None:
         for clauses in (model.graph.choices[index].ways[number].clauses for number in constraints.ways[index])
     ]
     branches = [clauses for clauses in asked if clauses]
-    if not branches:
+    if not branches or not narrows_any(model.problem, chain(*branches), constraints.rows):
         return
     if len(branches) > MAX_JUMP_WAYS:
         branches = [branches[k] for k in np.sort(rng.choice(len(branches), MAX_JUMP_WAYS, replace=False))]

@@ -20,7 +20,7 @@ from scenegen.arrays import Array, Bool, Index
 from scenegen.lang.formula.core import Coord, Junction, Node, restrict
 from scenegen.pose import THETA, TWO_PI, axis_of
 from scenegen.sampling.growth.constraints import ObjectConstraints
-from scenegen.sampling.growth.graph import Clause, demands_of, flat_args
+from scenegen.sampling.growth.graph import Clause, demands_of, flat_args, narrows_any
 from scenegen.sampling.problem import Problem
 from scenegen.search.contract import CONTRACT_SLACK, contract, size_of
 from scenegen.search.effort import Effort
@@ -177,6 +177,7 @@ def make_room(
     one for each half of the circle of headings and each way of a choice, where it is to be `halved`."""
     tape, rows = problem.tape, constraints.rows
     scale = size_of(problem.lowest, problem.highest)
+    clauses = [one for one in clauses if narrows_any(problem, [one], rows)]
     splits = [split for clause in clauses if len(split := _alternatives(problem, clause)) > 1]
     splits = [list(choice)] if choice else splits
     turned = (

@@ -411,7 +411,7 @@ WRONG_WEIGHT = Kind(
         "{twice:?}write each number once",
         "{alone:?}for {least} to {most} of them write {name}[{least}..{most}]",
         "{rounds:?}write small whole numbers: [a: 7, b: 3]",
-        "weights stand in `object butter on any of [fridge: 7, table: 3]` and in `object block[3: 1, 5: 2]`",
+        "weights stand in `object cup on any of [tray: 7, workspace: 3]` and in `object block[3: 1, 5: 2]`",
     ),
 )
 TOO_MANY_CASES = Kind(

@@ -51,7 +51,7 @@ UNKNOWN_ARM = Kind(
     ("no arm `{name}` comes along", "it is not said which arm this is"),
     help='write the name of an arm that comes along: {known:list}, or that of a file: arm("my_arm.toml")',
 )
-UNUSABLE_ARM = Kind("unusable-arm", "{path} is no arm: {reason}", help="docs/robot.md has the format")
+UNUSABLE_ARM = Kind("unusable-arm", "{path} is no arm: {reason}", help="`scenegen explain arms` has the format")
 FILE_WITHOUT_QUOTES = Kind("file-without-quotes", "{what} is named in double quotes", help="write {usage}")
 UNLIKELY_SHAPE = Kind(
     "unlikely-shape",

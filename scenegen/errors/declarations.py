@@ -51,7 +51,7 @@ UNKNOWN_ARM = Kind(
     ("no arm `{name}` comes along", "it is not said which arm this is"),
     help='write the name of an arm that comes along: {known:list}, or that of a file: arm("my_arm.toml")',
 )
-UNUSABLE_ARM = Kind("unusable-arm", "{path} is no arm: {reason}", help="`scenegen arm` makes one of a URDF file; `scenegen explain unusable-arm` shows what it has")
+UNUSABLE_ARM = Kind("unusable-arm", "{path} is no arm: {reason}", help="`scenegen explain arms` has the format")
 FILE_WITHOUT_QUOTES = Kind("file-without-quotes", "{what} is named in double quotes", help="write {usage}")
 UNLIKELY_SHAPE = Kind(
     "unlikely-shape",
@@ -411,7 +411,7 @@ WRONG_WEIGHT = Kind(
         "{twice:?}write each number once",
         "{alone:?}for {least} to {most} of them write {name}[{least}..{most}]",
         "{rounds:?}write small whole numbers: [a: 7, b: 3]",
-        "weights stand in `object butter on any of [fridge: 7, table: 3]` and in `object block[3: 1, 5: 2]`",
+        "weights stand in `object cup on any of [tray: 7, workspace: 3]` and in `object block[3: 1, 5: 2]`",
     ),
 )
 TOO_MANY_CASES = Kind(

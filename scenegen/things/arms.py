@@ -122,7 +122,8 @@ def make_arm(given: Mapping[str, Any]) -> Arm:
         elif not (isinstance(items, Sequence) and all(map(_is_number, items)) and count in (None, 0, len(items))):
             wrong.append(f"`{prefix}{name}` must be {what}")
         elif not all(least <= item <= LARGEST_ARM for item in items):
-            wrong.append(f"`{prefix}{name}` must be from {least:g} to {LARGEST_ARM:g}")
+            unit = "rad" if name == "bearing" else "m"
+            wrong.append(f"`{prefix}{name}` must be from {least:g} to {LARGEST_ARM:g} {unit}")
         else:
             return float(items[0]) if count == 0 else tuple(map(float, items))
         return None

@@ -86,7 +86,8 @@ def test_relations_in_the_terminal(scenegen):
 
 
 def test_words_and_pages_are_explained(scenegen):
-    assert "draw masks" in scenegen("explain", "visible").out
+    assert scenegen("explain", "visible").out.startswith("visible(a, camera")  # a relation comes first
+    assert "unhidden(a, front)" in scenegen("explain", "occluded").out  # a word of another language
     assert scenegen("explain", "not-here").out.startswith("# What the language cannot say")
     assert scenegen("explain", "neither").status == 1
 

@@ -1,6 +1,8 @@
 """Robots: what keeps true in every scene, and what is wrong with specs and files of arms. Scenes worked out on paper
 stand in tests/golden/lang/relations."""
 
+import re
+
 import numpy as np
 import pytest
 import torch
@@ -212,3 +214,7 @@ def test_files_of_arms():
         with pytest.raises(ArmError) as caught:
             read_arm(good.replace(old, new, 1).encode())
         assert len(caught.value.reasons) == count, (new, caught.value.reasons)
+    for name, unit in (("bearing", "rad"), ("farthest", "m")):  # as if they were degrees and millimetres
+        with pytest.raises(ArmError) as caught:
+            read_arm(re.sub(rf"(?m)^{name} = \[[^\]]*", f"{name} = [-166, 166", good).encode())
+        assert f"to 10 {unit}" in str(caught.value.reasons)

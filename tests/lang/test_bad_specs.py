@@ -198,7 +198,7 @@ HELPS = {
     'object a = box(1 cm, 1 cm, 1 cm) color "red"\ntask: x(a) <= 1': COLOR,
     "object a mass 0.3\ntask: x(a) <= 1": BODY_HELP,
     "object a roll 90 deg\ntask: x(a) <= 1": LYING,
-    "camera front at (0, 0)\ntask: leftOf(a, b)": CAMERA_HELP,
+    "camera front at (0, 0)\ntask: leftOf(a, b)": CAMERA_HELP.format(a="mug"),
     "seed 3\ntask: leftOf(a, b)": "an option of `scenegen sample`",
     "task = leftOf(mug, plate)": "write `task: ...`",
     "object mug, plate\ntask = leftOf(mug, plate)": "write `task: ...`",

@@ -141,6 +141,14 @@ def test_pipes_folders_and_what_is_not_there(files):
         assert files.refused(f'import "{path}"\n{TASK}')[0] == said
 
 
+def test_files_of_the_same_ending_are_named(files):
+    (files.root / "mine.toml").write_text("")
+    for wanted, beside in (('import "gone.spec"', "main.spec"), ('robot a = arm("gone.toml")', "mine.toml")):
+        with pytest.raises(SpecError) as error:
+            files.check(f"{wanted}\n{TASK}")
+        assert error.value.diagnostics[0].help == f"beside it are {beside}"
+
+
 def test_circles_are_refused_however_they_are_written(files):
     files.write(a='import "b.spec"', b='import "./a.spec"', c='import "main.spec"')
     assert files.refused('import "main.spec"\n' + TASK) == ("main.spec imports itself", "main.spec:1:8")

@@ -100,9 +100,10 @@ class Project:
 
 
 def _files_beside(wanted: Path) -> list[str]:
-    """A few files of the folder that a file was looked for in."""
+    """A few files of the folder that a file was looked for in: those of its ending, if there are any."""
     with contextlib.suppress(OSError):  # the folder may be missing as well, or closed to us
-        return sorted(one.name for one in wanted.parent.iterdir() if one.suffix)[:5]
+        files = sorted(one for one in wanted.parent.iterdir() if one.suffix)
+        return [one.name for one in [one for one in files if one.suffix == wanted.suffix] or files][:5]
     return []
 
 

@@ -22,7 +22,7 @@ from scenegen.errors.language import (
     WRONG_UNIT,
 )
 from scenegen.geometry import PRIMITIVES, Footprint, UnitMismatch
-from scenegen.geometry.primitives import ANGLE, BARE, Unit, agree
+from scenegen.geometry.primitives import ANGLE, BARE, LENGTH, Unit, agree
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.check.scope import Scope
 from scenegen.lang.check.values import (
@@ -183,7 +183,9 @@ class Lowering(ABC):
         if amount is None:
             raise self.error(NOT_CONSTANT, node, frame, what=what)
         if number.unit not in units:
-            raise self.error(WRONG_UNIT, node, frame, **{"what": what, "found": number.unit.words, **facts})
+            named = [word for unit, word in ((LENGTH, "length"), (ANGLE, "angle")) if unit in units]
+            more = {word: True for word in named if len(named) == 1}
+            raise self.error(WRONG_UNIT, node, frame, **{"what": what, "found": number.unit.words, **more, **facts})
         return amount
 
     def count(self, value: Value, node: ast.Expr, frame: CallFrame, what: str) -> int:

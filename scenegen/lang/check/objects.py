@@ -402,7 +402,7 @@ def _heading(lowering: Lowering, expr: ast.Expr, source: Source) -> float:
     """A heading in [0, 2 pi). Raises SpecError."""
     frame = CallFrame(source)
     given = lowering.coerce.number(lowering.evaluate(expr, frame), "a heading")
-    amount = lowering.constant(given, expr, frame, "a heading", BARE, ANGLE, angle=True)
+    amount = lowering.constant(given, expr, frame, "a heading", BARE, ANGLE)
     lowering.refuse_degrees([given, NumberValue(given.node, ANGLE, origin=Span(source, expr.start, expr.end))])
     wrapped = math.fmod(amount, TWO_PI)
     wrapped = wrapped + TWO_PI if wrapped < 0.0 else wrapped

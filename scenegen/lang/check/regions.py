@@ -69,7 +69,7 @@ SIGNATURES = {
 
 def number(lowering: Lowering, value: Value, expr: ast.Expr, source: Source, what: str) -> float:
     """A constant length. Raises SpecError."""
-    return lowering.constant(value, expr, CallFrame(source), what, BARE, LENGTH, length=True)
+    return lowering.constant(value, expr, CallFrame(source), what, BARE, LENGTH)
 
 
 def point(lowering: Lowering, value: Value, what: str) -> Point:

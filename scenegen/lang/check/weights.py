@@ -1,4 +1,4 @@
-"""Weights, `[fridge: 7, table: 3]`: how often each of several things is taken, compared with the others."""
+"""Weights, `[tray: 7, workspace: 3]`: how often each of several things is taken, compared with the others."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ class List(Node):
 
 @dataclass(frozen=True, slots=True)
 class Weighted(Node):
-    """[fridge: 7, table: 3]: things of which each scene has one, and how often each compared with the others."""
+    """[tray: 7, workspace: 3]: things of which each scene has one, and how often each compared with the others."""
 
     items: tuple[Expr, ...]
     weights: tuple[Expr, ...]

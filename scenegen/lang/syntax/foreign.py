@@ -371,7 +371,8 @@ def _not_here(source: Source, here: Span, line: str, accepts: set[str]) -> Diagn
     for start, end in words if before is None or before[1] != "by" else ():
         instead = RELATIONS.get(plain(text[start:end]), "write")
         if not instead.startswith(("write", "if ", "allow")):
-            return CANNOT_BE_SAID(Span(source, start, end), word=text[start:end], instead=instead)
+            said = instead.format(a="mug", b="plate")
+            return CANNOT_BE_SAID(Span(source, start, end), word=text[start:end], instead=said)
     return None
 
 

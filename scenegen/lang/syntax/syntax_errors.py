@@ -266,6 +266,9 @@ def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Di
         return MISSING_SIGN(here, name=word, formula="...")
     if word.lower() in KEYWORDS and word != word.lower():
         return KEYWORD_AS_NAME(here, word=word, keyword=word.lower())
+    if "COLON" in accepts and re.search(r"\bcamera\s[^\n]*$", before):
+        instead = "the sides of the picture are width:height, such as 4:3"
+        return UNEXPECTED(here, found=character_text(word), expected="`:`", instead=instead)
     if "COLON" in accepts:
         return MISSING_SIGN(here)
     if previous == "workspace":

@@ -202,10 +202,10 @@ _EXPECTED = (
     ({"LABEL", "OBJECT", "CONST"}, "a statement such as `object`, `const`, `def` or `task: ...`"),
     ({"COMMA", "IN"}, "`in` and what to range over"),
     ({"X"}, "`x` and the second interval: workspace [0, 1] x [0, 1]"),
-    ({"LSQB", "EQUAL"}, "`=`"),
-    ({"LSQB"}, "an interval such as [0, 1]"),
     ({"LOOKS_AT"}, "the point that the camera looks at: looks at (0.5, 0.4, 0)"),
     ({"FOV"}, "the angle of the picture's height: fov 60 deg, 4:3"),
+    ({"LSQB", "EQUAL"}, "`=`"),
+    ({"LSQB"}, "an interval such as [0, 1]"),
     ({"LPAR"}, "`(`"),
     ({"EQUAL"}, "`=`"),
     ({"COLON"}, "`:`"),
@@ -214,6 +214,7 @@ _EXPECTED = (
     ({"COMMA"}, "`,`"),
     ({"RPAR"}, "`)`"),
     ({"RSQB"}, "`]`"),
+    ({"AT"}, "`at` and a place"),
 )
 
 

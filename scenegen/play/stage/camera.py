@@ -67,7 +67,9 @@ class Photograph:
             picture = ImageOps.exif_transpose(Image.open(io.BytesIO(data)))
             film = picture.getexif().get_ifd(EXIF).get(EXIF_FOCAL)
             grey = np.asarray(picture.convert("L"))
-        except (UnidentifiedImageError, OSError, ValueError, Image.DecompressionBombError) as error:
+        except UnidentifiedImageError:  # whose text is the place of the bytes in memory
+            raise DataError(STAGE_PHOTO(file=path, reason="no format of pictures begins like that")) from None
+        except (OSError, ValueError, Image.DecompressionBombError) as error:
             raise DataError(STAGE_PHOTO(file=path, reason=str(error) or type(error).__name__)) from None
         focal = float(film) / FILM_DIAGONAL * math.hypot(*grey.shape) if film else None
         return Photograph.from_picture(grey, str(path), focal)

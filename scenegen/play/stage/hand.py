@@ -35,7 +35,9 @@ def load_hand(role: Literal["world", "policy"], text: str) -> Callable[..., Any]
 
 
 def make_hand(folder: str, task: SuiteTask, suite: Suite) -> HandWorld:
-    """Raises OSError without a terminal."""
+    """Raises OSError without a terminal, and without that folder."""
+    if folder and not Path(folder).is_dir():
+        raise FileNotFoundError(f"there is no folder {folder} for pictures; make it first")
     terminal = Path(TERMINAL)
     return HandWorld(
         TableStage.from_suite(suite), Path(folder) if folder else None, terminal.open(), terminal.open("w")

@@ -12,8 +12,9 @@ import numpy as np
 
 from scenegen.api.reading import read_scenes
 from scenegen.arrays import Array
-from scenegen.errors import DataError
+from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import NOT_SCENES
+from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.errors.worlds import STAGE_MAT, STAGE_THINGS
 from scenegen.geometry import Circle
 from scenegen.play.stage.camera import Lens, Photograph, StageCamera, find_camera
@@ -80,7 +81,10 @@ def pose_by_tag(thing: StageThing, height: float, photo: Photograph, camera: Sta
 
 
 def check_ruler(file: str, length: float) -> None:
-    """Raises DataError where the ruler of the mat, which should be 10 cm long, is not."""
+    """Raises DataError where the ruler of the mat, which should be 10 cm long, is not, and RequestError for a length that
+    no printer makes of it."""
+    if not 0.05 <= length <= 0.2:
+        raise RequestError(OUT_OF_RANGE(argument="ruler", value=f"{length:g} m", wanted="from 5 to 20 cm, such as 97mm"))
     if abs(length / 0.1 - 1.0) > MOST_RULER_ERROR:
         raise DataError(STAGE_MAT(file=file, percent=1000.0 * length))
 

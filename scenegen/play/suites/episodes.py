@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from scenegen.errors import RequestError, ScenegenError
-from scenegen.errors.requests import BAD_PLUGIN, OUT_OF_RANGE
+from scenegen.errors.requests import BAD_PLUGIN, NOT_INSTALLED, OUT_OF_RANGE
 from scenegen.errors.worlds import WORLD_FAILS
 from scenegen.play.suites.loading import load_named
 from scenegen.play.suites.outcomes import SceneThatStood
@@ -84,7 +84,7 @@ def make_world(world: str, task: SuiteTask, suite: Suite | None = None) -> Any:
 
 def explain_failure(what: str, name: str, error: Exception) -> ScenegenError:
     """The error to raise where a world or a policy cannot be made."""
-    if isinstance(error, RequestError) and error.diagnostics[0].kind == BAD_PLUGIN:
+    if isinstance(error, RequestError) and error.diagnostics[0].kind in (BAD_PLUGIN, NOT_INSTALLED):
         return error
     return ScenegenError(WORLD_FAILS(what=what, name=name, how="cannot be made", reason=error_line(error)))
 

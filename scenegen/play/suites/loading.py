@@ -41,6 +41,7 @@ def check_name(role: Role, text: str) -> None:
     own = WORLDS if role == "world" else {}
     known = [] if ":" in text else sorted({*own, *plugins(ENTRY_POINT_GROUPS[role], role, own)})
     if text not in known:
+        known += [HAND] if role == "world" and known else []
         forms = "MODULE:NAME or FILE.py:NAME" + (", or http://HOST:PORT" if role == "policy" else "")
         wanted = f"{forms}, or one of {quote_names(known)}" if known else forms
         raise RequestError(WRONG_VALUE(argument=role, value=f"`{text}`", wanted=wanted))

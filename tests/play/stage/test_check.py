@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from scenegen.errors import DataError
+from scenegen.errors import DataError, RequestError
 from scenegen.play.stage.check import band_at, check_poses, margins_at, scene_of
 from scenegen.play.stage.measure import check_ruler, check_table, measure_poses
 from scenegen.play.stage.stage import TableStage
@@ -115,6 +115,8 @@ def test_a_printer_that_shrinks_by_its_ruler():
     check_ruler("p.jpg", 0.1002)
     with pytest.raises(DataError) as caught:
         check_ruler("p.jpg", 0.097)
+    with pytest.raises(RequestError, match="97 m"):  # 97 without a unit
+        check_ruler("p.jpg", 97.0)
     assert "printed at 97.0 %" in caught.value.diagnostics[0].text("title")
 
 

@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+from scenegen.errors import RequestError
 from scenegen.learn.success.files import OutcomesHeader
 from scenegen.play.fit import outcomes_of
 from scenegen.play.stage import hand
@@ -49,6 +50,13 @@ def test_a_folder_without_pictures_says_so(stage, suite, tmp_path):
     with pytest.raises(EOFError):
         world.reset(seed=1, options={"start": suite[7]})
     assert "shows no tag of the mat" in world.screen.getvalue()
+
+
+def test_a_folder_that_is_missing_and_a_name_that_is_cut_short(stage, tmp_path):
+    with pytest.raises(FileNotFoundError, match="make it first"):
+        hand.make_hand(str(tmp_path / "none"), None, None)
+    with pytest.raises(RequestError, match="`hand:`"):
+        check_name("world", "hand")
 
 
 def test_a_player_records_the_scene_that_was_set(stage, suite, monkeypatch):

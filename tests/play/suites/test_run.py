@@ -15,11 +15,13 @@ import torch
 import scenegen
 from scenegen.errors import DataError, OutputError, RequestError, ScenegenError
 from scenegen.errors.files import OTHER_REQUEST, SET_IN_USE, UNFINISHED_RUN
+from scenegen.errors.requests import NOT_INSTALLED
 from scenegen.errors.worlds import NOT_A_SUITE, WORLD_FAILS
 from scenegen.learn.success import statistics
 from scenegen.learn.success.statistics import decided_after
 from scenegen.play.policy_server import decode, encode, server_of
 from scenegen.play.suites import run as running
+from scenegen.play.suites.episodes import explain_failure
 from scenegen.play.suites.loading import versions_of
 from scenegen.play.suites.outcomes import EpisodeOutcome, read_outcomes
 from scenegen.play.suites.run import Player, RemotePolicy, run_suite, shuffle_episodes
@@ -78,6 +80,11 @@ def test_what_can_never_work_ends_the_run(small, world, policy):
     with pytest.raises(ScenegenError) as caught:
         player(small, policy, world)(0)
     assert caught.value.diagnostics[0].kind == WORLD_FAILS
+
+
+def test_a_world_whose_package_is_missing_says_what_to_install():
+    wanted = RequestError(NOT_INSTALLED(package="robosuite", purpose="for a table", command="pip install robosuite"))
+    assert explain_failure("the world", "table", wanted) is wanted
 
 
 @pytest.mark.long

@@ -7,7 +7,7 @@ from pathlib import Path
 from scenegen.errors import RequestError
 from scenegen.errors.requests import WRONG_VALUE
 from scenegen.play.suites.episodes import check_steps, make_world
-from scenegen.play.suites.loading import check_name
+from scenegen.play.suites.loading import HAND, check_name
 from scenegen.play.suites.suite import SUITE_JSON, Suite, find_suite, read_manifest
 from scenegen.resources import __version__
 from scenegen.scenes.files import read_bytes, refuse_existing, whole_files
@@ -39,6 +39,8 @@ def write_envhub(
     if world.rpartition(":")[0].endswith(".py"):
         wanted = "a name, or MODULE:NAME of a package: no file but the suite's own goes to the hub"
         raise RequestError(WRONG_VALUE(argument="world", value=f"`{world}`", wanted=wanted))
+    if world.startswith(HAND):
+        raise RequestError(WRONG_VALUE(argument="world", value=f"`{world}`", wanted="a simulator, which needs no person"))
     refuse_existing(out)
     loaded, folder = Suite.load(suite, reverse=reverse), find_suite(suite)
     make_world(world, loaded.tasks[0]).close()

@@ -59,6 +59,7 @@ def test_the_name_of_a_suite_is_no_code(small, tmp_path):
         ("small", f"{worlds.__name__}:broken", ScenegenError, "no display"),
         ("small", "here.py:World", RequestError, "no file but the suite's own"),
         ("small", "nobody", RequestError, "nobody"),
+        ("small", "hand:", RequestError, "needs no person"),
         ("none", WORLD, DataError, "none"),
     ],
 )

@@ -26,7 +26,10 @@ WORLDS = {
     "libero": "scenegen.play.suites.adapters.libero:make",
     "libero-pictures": "scenegen.play.suites.adapters.libero:seeing",
 }
-HAND, HAND_WORLD = "hand:", "scenegen.play.stage.hand:load_hand"  # begins the name of a world that a person is, and of what that person starts by hand
+HAND, HAND_WORLD = (
+    "hand:",
+    "scenegen.play.stage.hand:load_hand",
+)  # begins the name of a world that a person is, and of what that person starts by hand
 ENTRY_POINT_GROUPS: dict[Role, str] = {"world": "scenegen.worlds", "policy": "scenegen.policies"}
 
 

@@ -203,7 +203,11 @@ def test_files_name_the_primitives_that_their_weights_know(spec):
     card = json.loads(text)
     known = shipped_weights()[0].hyper["primitives"]
     assert card["hyper"]["primitives"] == known == PRIMITIVE_NAMES
-    assert {*PRIMITIVES}.difference(known.split()) == {"pathGap", "shadowGap", "visibleShare"}  # younger than the weights
+    assert {*PRIMITIVES}.difference(known.split()) == {
+        "pathGap",
+        "shadowGap",
+        "visibleShare",
+    }  # younger than the weights
     wanted = torch.full((1, 16), -0.05)
 
     def read(names):

@@ -24,9 +24,7 @@ from scenegen.scenes.blocks import Block, join_blocks
 from scenegen.scenes.coverage import features
 from scenegen.search.effort import NEVER, Budget, Stop, StoppedError
 
-DRAWN_FACTS = (
-    4  # of the piece: what was drawn, as of `Tally` (found, pieces, candidates), and how many facts of its own
-)
+DRAWN_FACTS = 3  # of the piece: scenes to choose from, pieces and candidates drawn; then the plan's own
 
 
 def farthest(points: Array, cell: Index, shares: Mapping[int, int], stop: Stop = NEVER) -> Index:

@@ -24,7 +24,7 @@ from scenegen.scenes.blocks import Block, join_blocks
 from scenegen.scenes.coverage import features
 from scenegen.search.effort import NEVER, Budget, Stop, StoppedError
 
-OWN_FACTS = 4  # of the piece: what was drawn, as of `Tally` (found, pieces, candidates), and how many facts of its own
+DRAWN_FACTS = 3  # of the piece: scenes to choose from, pieces and candidates drawn; then the plan's own
 
 
 def farthest(points: Array, cell: Index, shares: Mapping[int, int], stop: Stop = NEVER) -> Index:
@@ -68,7 +68,7 @@ class Even(Selection):
 
     @property
     def fact_count(self) -> int:
-        return OWN_FACTS + self.plan.fact_count
+        return DRAWN_FACTS + self.plan.fact_count
 
     @property
     def scenes_per_piece(self) -> float:
@@ -111,14 +111,12 @@ class Even(Selection):
                 points = features(rows[~np.isnan(rows[:, 0])])
                 chosen.append(mine[farthest(points, cell[mine], shares, self.budget)])
         block = found.take(np.concatenate(chosen))
-        own = np.array([tally.found, tally.pieces, tally.candidates, len(tally.facts), *tally.facts, *tally.strays])
+        own = np.array([tally.found, tally.pieces, tally.candidates, *tally.facts])
         return Piece(block.rows, block.phi[:-1], block.phi[-1].astype(np.intp), own)
 
     def account(self, tally: Tally) -> Account:
         """The plan's own account, of all candidates."""
-        found, pieces, candidates, count = map(int, tally.facts[:OWN_FACTS] or (0,) * OWN_FACTS)
-        facts, strays = tally.facts[OWN_FACTS : OWN_FACTS + count], tally.facts[OWN_FACTS + count :]
-        all_drawn = Tally(found, found, pieces, candidates, tuple(map(int, strays)), facts)
-        account = self.plan.account(all_drawn)
+        found, pieces, candidates = map(int, tally.facts[:DRAWN_FACTS] or (0,) * DRAWN_FACTS)
+        account = self.plan.account(Tally(found, found, pieces, candidates, facts=tally.facts[DRAWN_FACTS:]))
         info = {**account.info, "chosen_from": found}
         return replace(account, info=info, tried=account.tried if pieces else "the time that there was")

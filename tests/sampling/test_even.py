@@ -82,7 +82,9 @@ def planned(text, request, seconds=60.0):
     return plan_for(check_text(text, "a.spec"), request, Budget(seconds))
 
 
-@pytest.mark.parametrize("ends, n", [((0.0, 0.25), 20), ((0.0, 0.25), 70), ((0.0, None), 30)])
+@pytest.mark.parametrize(
+    "ends, n", [((0.0, 0.25), 20), pytest.param((0.0, 0.25), 70, marks=pytest.mark.long), ((0.0, None), 30)]
+)
 def test_a_plan_chooses_among_its_candidates(ends, n):
     request = SampleRequest({"task": Range(*ends)}, n, seed=4, spread="even")
     plan = planned(TEXT, request)
@@ -98,6 +100,7 @@ def test_a_plan_chooses_among_its_candidates(ends, n):
     assert (np.bincount(plan.cells.find(flat.phi), minlength=plan.cells.count) == shares).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text, ends", [(TEXT, (0.0, 0.25)), (TEXT, (0.0, None)), (NUMBERS, (0.0, 0.2))])
 def test_workers_and_formats_change_nothing(text, ends, tmp_path):
     spec, words = scenegen.parse(text), {"phi": {"task": ends}, "n": 40, "seed": 2, "spread": "even"}

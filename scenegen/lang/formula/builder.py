@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 from scenegen.errors import Span
@@ -39,8 +39,10 @@ def number_text(value: float) -> str:
     return f"{value:.6g}"
 
 
-def describe(nodes: Sequence[Node], objects: Sequence[str], index: int) -> str:
-    """The number at `index` as a formula over x, y and theta of the objects, cut to LONGEST characters."""
+def describe(nodes: Sequence[Node], objects: Sequence[str], index: int, called: Mapping[int, str] | None = None) -> str:
+    """The number at `index` as a formula over x, y and theta of the objects, cut to MAX_TEXT_LENGTH characters; numbers
+    that have words of their own stand as these."""
+    words = called or {}
     out: list[str] = []
     length = 0
     stack: list[str | tuple[int, int]] = [(index, 0)]
@@ -50,7 +52,7 @@ def describe(nodes: Sequence[Node], objects: Sequence[str], index: int) -> str:
             out.append(item)
             length += len(item)
             continue
-        stack.extend(reversed(_pieces(nodes, objects, *item)))
+        stack.extend(reversed([words[item[0]]] if item[0] in words else _pieces(nodes, objects, *item)))
     text = "".join(out)
     return text if not stack and length <= MAX_TEXT_LENGTH else text[:MAX_TEXT_LENGTH] + "..."
 
@@ -228,7 +230,7 @@ class CoreBuilder:
 
     def text(self, number: int) -> str:
         """A number as the text of an atom shows it."""
-        return self.called.get(number) or describe(self.nodes, self.objects, number)
+        return describe(self.nodes, self.objects, number, self.called)
 
     def atom(self, lower: int, upper: int, text: str, unit: Unit, spans: tuple[Span, ...]) -> int:
         """lower <= upper, with the margin upper - lower; its negation has lower - upper, which rounds to the same."""

@@ -81,12 +81,11 @@ def pose_by_tag(thing: StageThing, height: float, photo: Photograph, camera: Sta
 
 
 def check_ruler(file: str, length: float) -> None:
-    """Raises DataError where the ruler of the mat, which should be 10 cm long, is not, and RequestError for a length that
-    no printer makes of it."""
+    """Raises DataError where the ruler of the mat, which should be 10 cm long, is not, and RequestError for a length
+    that no printer makes of it."""
     if not 0.05 <= length <= 0.2:
-        raise RequestError(
-            OUT_OF_RANGE(argument="ruler", value=f"{length:g} m", wanted="from 5 to 20 cm, such as 97mm")
-        )
+        wanted = "from 5 to 20 cm, such as 97mm"
+        raise RequestError(OUT_OF_RANGE(argument="ruler", value=f"{length:g} m", wanted=wanted))
     if abs(length / 0.1 - 1.0) > MOST_RULER_ERROR:
         raise DataError(STAGE_MAT(file=file, percent=1000.0 * length))
 

@@ -40,9 +40,8 @@ def write_envhub(
         wanted = "a name, or MODULE:NAME of a package: no file but the suite's own goes to the hub"
         raise RequestError(WRONG_VALUE(argument="world", value=f"`{world}`", wanted=wanted))
     if world.startswith(HAND):
-        raise RequestError(
-            WRONG_VALUE(argument="world", value=f"`{world}`", wanted="a simulator, which needs no person")
-        )
+        wanted = "a simulator, which needs no person"
+        raise RequestError(WRONG_VALUE(argument="world", value=f"`{world}`", wanted=wanted))
     refuse_existing(out)
     loaded, folder = Suite.load(suite, reverse=reverse), find_suite(suite)
     make_world(world, loaded.tasks[0]).close()

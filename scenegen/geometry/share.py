@@ -11,6 +11,7 @@ is covered, and below 0, to -1 at most, by how far the silhouette is inside of a
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterator, Sequence
 from functools import reduce
 from typing import Any
@@ -189,7 +190,7 @@ def _share(ns: Namespace, shapes: Sequence[Footprint], numbers: Sequence[Any]) -
     left, right = body.slices(rows)
     width = ns.maximum(right - left, 0.0 * left)
     right = left + width
-    total = width.sum(0)
+    total = _sum_lines(width)
     size = ns.maximum(total, 0.0 * total + LEAST)
     starts, ends, depth = [], [], 0.0 * total
     for number, shape in enumerate(shapes[1:]):
@@ -210,7 +211,12 @@ def _share(ns: Namespace, shapes: Sequence[Footprint], numbers: Sequence[Any]) -
         begin, end = ns.minimum(ns.maximum(begin, left), right), ns.minimum(ns.maximum(end, left), right)
         starts.append(begin)
         ends.append(ns.maximum(end, begin))
-    return 1.0 - _union(ns, starts, ends).sum(0) / size - depth
+    return 1.0 - _sum_lines(_union(ns, starts, ends)) / size - depth
+
+
+def _sum_lines(lengths: Any) -> Any:
+    """The sum over lines of sight, one after the other: `sum` has another order, and other bits, for a single scene."""
+    return reduce(operator.add, list(lengths))
 
 
 def _union(ns: Namespace, starts: list[Any], ends: list[Any]) -> Any:

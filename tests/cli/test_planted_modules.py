@@ -76,6 +76,7 @@ def commands():
         view good.spec --export page.html -n 4
         suite new goal.spec --bands 2 -n 30 --out mine/
         suite run mine --world toy_world.py:make --policy toy_world.py:towards --out o.jsonl --workers 2 --steps 60
+        stage mat mine --out mat.pdf
         fit o.jsonl --suite mine --out policy.fit
         sample goal.spec --success 0.1: --under policy.fit -n 2 --workers 2
     """
@@ -156,7 +157,8 @@ def test_all_other_commands(planted):
         done = run(words)
         assert (ran(planted), done.returncode) == ([], 0), f"{words}: {done.stderr}"
     assert (run(["libero", "libero_spatial", "--out", "states"]).returncode, ran(planted)) == (1, [])  # not installed
-    called = {words[0] for words in commands()} | {"view", "lsp", "libero"}
+    assert (run(["arm", "none.urdf", "--tip", "hand", "--out", "arm.toml"]).returncode, ran(planted)) == (1, [])
+    called = {words[0] for words in commands()} | {"view", "lsp", "libero", "arm"}
     from scenegen.cli.app import COMMANDS
 
     assert called == COMMANDS.keys()

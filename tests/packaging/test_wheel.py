@@ -107,8 +107,8 @@ def test_what_the_wheel_holds(wheel, root):
         prelude = archive.read("scenegen/_data/grammar/prelude.spec")
     assert prelude == (root / "grammar" / "prelude.spec").read_bytes()
     for folder in ("grammar", "specs"):
-        for path in (root / folder).iterdir():
-            assert f"scenegen/_data/{folder}/{path.name}" in names
+        for path in (root / folder).rglob("*.*"):
+            assert f"scenegen/_data/{path.relative_to(root).as_posix()}" in names
     assert {"scenegen/py.typed", "scenegen/_data/suites/tabletop/suite.json"} <= set(names)
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
     shipped = {name.split("/")[0] for name in names}

@@ -22,7 +22,7 @@ from scenegen.lang.formula.core import REQUIRE, Atom, gate
 from scenegen.lang.formula.interpret import deciding_atom, evaluate
 from scenegen.play.stage.stage import TableStage
 from scenegen.play.suites.suite import BandData, GradedStart, SuiteTask
-from scenegen.pose import PLACE, THETA, TWO_PI, as_rows, wrap_heading
+from scenegen.pose import PLACE, THETA, TWO_PI, as_rows, rows_along, wrap_heading
 
 MOVE_STEP, MOST_MOVE = 0.0025, 0.12  # metres
 MOVE_TURN = math.radians(2.5)
@@ -184,7 +184,7 @@ def _find_move(start: GradedStart, poses: Array, off: Array) -> StageMove:
     placed = there[np.arange(len(moves)), which]
     on = np.ones(len(moves), dtype=bool)
     for axis in PLACE:
-        rows = 3 * which + axis
+        rows = np.arange(len(lowest))[rows_along(axis)][which]
         on &= (placed[:, axis] >= lowest[rows]) & (placed[:, axis] <= highest[rows])
     width = band.phi[1] - band.phi[0]
     for inset in (BAND_INSET * width, 0.0):

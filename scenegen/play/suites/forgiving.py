@@ -24,7 +24,7 @@ from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import REQUIRE, Core, gate, read_rows
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import ANGLES, LENGTHS, THETA, as_poses, is_angle, rows_along, wrap_heading
+from scenegen.pose import ANGLES, LENGTHS, THETA, as_poses, is_angle, row_count, rows_along, span_of, wrap_heading
 from scenegen.search.contract import Bounds, label_bounds
 from scenegen.search.effort import Budget
 from scenegen.search.tape import make_batches
@@ -91,10 +91,10 @@ class Placing:
         """(3M,): how far each coordinate of the core may be off; what is held, and switches, are not."""
         lowest, _ = spec.box()
         reach = np.zeros(len(lowest))
-        for row in range(3 * len(spec.objects)):
+        for row in range(row_count(len(spec.objects))):
             reach[row] = self.errors[is_angle(row)]
         for which in spec.fixed:
-            reach[3 * which : 3 * which + 3] = 0.0
+            reach[span_of(which)] = 0.0
         return reach
 
 

@@ -13,6 +13,8 @@ from scenegen.errors import SpecError
 SPECS = {
     "pair": "object mug, plate\ntask: leftOf(mug, plate)\n",
     "inferred": "closeTo(mug, plate)",
+    "seen": "robot arm = panda at (0.5, -0.2, NORTH)\nobject mug, bottle\n"
+    "camera front = at (0.5, -0.6, 0.7) looks at (0.5, 0.4, 0) fov 60 deg, 4:3\ntask: leftOf(mug, bottle)\n",
     "crowded": "object mug, plate, tray at (0.5, 0.5)\nobject block[2] = box(0.1, 0.1, 0.1) on tray\n"
     "region mat = rect(0.3, 0, 0.7, 0.2)\nconst NEAR = 20 cm\ndef near(a, b, e = NEAR) = dist(a, b) <= e\n"
     "require noCollision() & insideWorkspace()\nrequire easy\neasy: near(mug, plate, 60 cm)\ntask: near(mug, plate)\n",

@@ -4,6 +4,7 @@ import asyncio
 import os
 import signal
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -94,6 +95,9 @@ def test_one_document_does_not_wait_for_another():
         told = await asyncio.wait_for(editor.hover(slow, 1, 5), PATIENCE)
         assert "20 cm" in told.contents.value
         assert await editor.diagnostics(slow, 2) == []
+        ends = time.monotonic() + PATIENCE
+        while busy in editor.workers() and time.monotonic() < ends:  # it is ended, and then waited for
+            await asyncio.sleep(0.02)
         assert busy not in editor.workers(), "a process that is at work for an old text is ended"
         await editor.end()
 

@@ -6,7 +6,7 @@ import copy
 import dataclasses
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -255,3 +255,22 @@ WORKERS = option("Processes; default: one per core.")
 JSON = option("Print one JSON document instead, with every digit.")
 QUIET = option("Say nothing but errors and warnings.", flags="--quiet -q")
 VERBOSE = option("Say what is being done, and how long it takes.", flags="--verbose -v")
+
+
+def check_action(
+    command: str, action: str, given: Collection[str], options: Mapping[str, tuple[Sequence[str], Sequence[str]]]
+) -> None:
+    """Raises RequestError for an unknown action of a command, and for options that are not those of the action;
+    `options` are those that each action needs, and its others."""
+    from scenegen.errors.requests import MISSING_ARGUMENT, OUT_OF_PLACE, UNKNOWN_CHOICE
+
+    if action not in options:
+        raise RequestError(UNKNOWN_CHOICE(what="action", name=action, known=options))
+    needed, others = options[action]
+    for name in given:
+        if name not in (*needed, *others):
+            of = ", ".join(f"`{one}`" for one, names in options.items() if name in (*names[0], *names[1]))
+            raise RequestError(OUT_OF_PLACE(argument=name, rule=f"is an option of {of}", remedy="leave it out"))
+    for name in needed:
+        if name not in given:
+            raise RequestError(MISSING_ARGUMENT(argument=name, question=f"see `scenegen {command} --help` on {action}"))

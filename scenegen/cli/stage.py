@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenegen.cli.options import argument, choices, metres, option
+from scenegen.cli.options import argument, check_action, choices, metres, option
 from scenegen.cli.output import print_error
 from scenegen.errors import RequestError
 from scenegen.errors.requests import MISSING_ARGUMENT, OUT_OF_PLACE, OUT_OF_RANGE, UNKNOWN_CHOICE
@@ -63,16 +63,7 @@ def stage(
     """
     given = {name: value for name, value in locals().items() if value is not None and value is not False}
     del given["action"], given["suite"]
-    if action not in STAGE_OPTIONS:
-        raise RequestError(UNKNOWN_CHOICE(what="action", name=action, known=STAGE_OPTIONS))
-    needed, others = STAGE_OPTIONS[action]
-    for name in given:
-        if name not in (*needed, *others):
-            of = ", ".join(f"`{one}`" for one, names in STAGE_OPTIONS.items() if name in (*names[0], *names[1]))
-            raise RequestError(OUT_OF_PLACE(argument=name, rule=f"is an option of {of}", remedy="leave it out"))
-    for name in needed:
-        if name not in given:
-            raise RequestError(MISSING_ARGUMENT(argument=name, question=f"see `scenegen stage --help` on {action}"))
+    check_action("stage", action, given, STAGE_OPTIONS)
     actions: dict[str, Any] = {"mat": _mat, "sheet": _sheet, "check": _check, "overlay": _overlay, "order": _order}
     return int(actions[action](suite, **given) or 0)
 
@@ -183,9 +174,7 @@ def _order(place: str, out: Path, episodes: str | None = None, pairs: bool = Fal
         f"{len(starts):,} starts in {out}: things move {after:.0f} cm from one to the next, not {before:.0f} cm"
     )
     if pairs:
-        print_error(
-            f"which letter is whose turn is in {key}: for whoever runs the policies, not for who sets and judges"
-        )
+        print_error(f"{key} says which letter is whose turn: keep it from the person who sets and judges")
 
 
 def _check_paper(out: Path, paper: str) -> None:

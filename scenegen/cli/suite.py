@@ -10,6 +10,7 @@ from scenegen.cli.many import names_of
 from scenegen.cli.options import (
     WORKERS,
     argument,
+    check_action,
     choices,
     errors_of_placing,
     find_spec,
@@ -120,16 +121,7 @@ def suite(
     """
     given = {name: value for name, value in locals().items() if value is not None and value is not False}
     del given["action"], given["places"]
-    if action not in SUITE_OPTIONS:
-        raise RequestError(UNKNOWN_CHOICE(what="action", name=action, known=SUITE_OPTIONS))
-    needed, others = SUITE_OPTIONS[action]
-    for name in given:
-        if name not in (*needed, *others):
-            of = ", ".join(f"`{one}`" for one, names in SUITE_OPTIONS.items() if name in (*names[0], *names[1]))
-            raise RequestError(OUT_OF_PLACE(argument=name, rule=f"is an option of {of}", remedy="leave it out"))
-    for name in needed:
-        if name not in given:
-            raise RequestError(MISSING_ARGUMENT(argument=name, question=f"see `scenegen suite --help` on {action}"))
+    check_action("suite", action, given, SUITE_OPTIONS)
     actions: dict[str, Any] = {"new": _new, "check": _check, "run": _run, "report": _report, "envhub": _envhub}
     actions[action](places, **given)
 

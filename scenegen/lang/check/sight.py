@@ -23,12 +23,11 @@ from scenegen.errors.language import NOT_CONSTANT, SAME_ARGUMENT_TWICE, WRONG_UN
 from scenegen.geometry import MATH, POINT, PRIMITIVES
 from scenegen.geometry.primitives import ANGLE, BARE, LENGTH, SHARE, Unit
 from scenegen.geometry.workspace import MAX_COORDINATE
-from scenegen.lang.check.heights import MOST_CASES, by_cases, height_in, level
+from scenegen.lang.check.heights import MOST_CASES, by_cases, height_in, level, pose_of
 from scenegen.lang.check.scope import Declared
 from scenegen.lang.check.values import AnyValue, CallFrame, CameraValue, ListValue, NumberValue, ObjectValue, Value
 from scenegen.lang.spec import LEVEL, Pose, Space, SpecCamera, Support
 from scenegen.lang.syntax import ast
-from scenegen.pose import FLAT
 
 if TYPE_CHECKING:
     from scenegen.lang.check.lowering import Lowering
@@ -148,15 +147,11 @@ def sight_function(lowering: Lowering, name: str, values: list[Value], node: ast
     return NumberValue(number, SHARE if name == "visibleShare" else LENGTH, origin=origin)
 
 
-def _pose(lowering: Lowering, which: int) -> tuple[int, ...]:
-    return tuple(lowering.coerce.coordinate(which, axis) for axis in FLAT)
-
-
 def _room(lowering: Lowering, which: int, seer: SpecCamera) -> int:
     """The distance of an object's body from the four planes through the eye and a side of the picture, the least of
     them: of its corner that is nearest to each, and negative beyond it."""
     builder = lowering.builder
-    x, y, theta = _pose(lowering, which)
+    x, y, theta = pose_of(lowering, which)
     low, own = level(lowering, which), lowering.shapes[which].height
     (ahead_x, ahead_y), (sin, cos) = seer.ahead, seer.slope
     right = (ahead_y, -ahead_x, 0.0)
@@ -203,7 +198,7 @@ def _shadow(lowering: Lowering, which: int, other: int, seer: SpecCamera) -> int
     """The clearance of a body and what another one hides; where heights alone keep that off, by how much they do. None
     where choices of supports allow too many cases."""
     builder = lowering.builder
-    poses = (*_pose(lowering, which), *_pose(lowering, other))
+    poses = (*pose_of(lowering, which), *pose_of(lowering, other))
     shapes = (lowering.coerce.covers(which), lowering.coerce.covers(other))
     x, y, eye = seer.eye
 
@@ -246,7 +241,7 @@ def _share(lowering: Lowering, which: int, seer: SpecCamera) -> int | None:
 
     def body(one: int) -> Sequence[int]:
         low = level(lowering, one)
-        return (*_pose(lowering, one), low, builder.apply("add", (low, builder.const(lowering.shapes[one].height))))
+        return (*pose_of(lowering, one), low, builder.apply("add", (low, builder.const(lowering.shapes[one].height))))
 
     args = [*body(which), *map(builder.const, (*seer.eye, *seer.ahead, *seer.slope))]
     for one in others:

@@ -21,6 +21,7 @@ from scenegen.things import Shape, shape_of
 if TYPE_CHECKING:
     from scenegen.lang.formula.core import Core
     from scenegen.lang.formula.timed import Timed
+    from scenegen.lang.prior import Prior
 
 Pose = tuple[float, float, float]
 Space = tuple[float, float, float]  # x, y, z
@@ -145,6 +146,7 @@ class CheckedSpec:
     each object that the spec declares to stand on something (`on`) to its support; `heights` is then how high each
     object's lowest point is above the table, and empty where no object has a support. `choices` maps the index of each
     object that stands on one of several surfaces to these; its height, and that of what it carries, is None.
+    `priors` is what the spec says of where things usually are: the base distribution, where it is not uniform.
     `warnings` is what the checker noticed and let pass. `timed` is what a spec over time means; its `core` has formulas
     over time then, which no reader of cores takes. `phi_bounds` is filled in by `search.spec_bounds`: for the
     largest specs that takes seconds.
@@ -169,6 +171,7 @@ class CheckedSpec:
     counts: tuple[Count, ...] = ()
     members: tuple[CheckedSpec, ...] = ()
     cameras: tuple[SpecCamera, ...] = ()
+    priors: tuple[Prior, ...] = ()
     phi_bounds: dict[str, tuple[float, float]] = field(init=False, default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:

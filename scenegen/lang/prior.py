@@ -1,0 +1,71 @@
+"""Where things usually are: the base distribution of a spec, as its `usually` statements declare it.
+
+    usually mug ~ normal((0.4, 0.3), 5 cm)                    # x and y: independent normals, cut off at the workspace
+    usually cup ~ normal(saucer, 3 cm)                        # given where the saucer is
+    usually theta(mug) ~ normal(NORTH, 10 deg)                # a heading, cut off half a turn away from its mean
+    usually butter ~ [uniform(fridge): 7, uniform(table): 3]  # a mixture
+    usually mug, saucer ~ poses("logs.csv", 1 cm, 5 deg)      # a recorded row for both, each number moved a little
+
+The joint density of all poses is the product over the things of the density of each, given those that its own is
+relative to. Each factor is a density over the workspace: what would lie beyond its edge is cut off, and the rest scaled
+up, at every place of what it is relative to. So a relative prior says nothing of where the other thing is. What has no
+prior is uniform over the workspace, and every heading over the circle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from scenegen.lang.formula.core import Node
+    from scenegen.lang.spec import Pose, Region
+
+
+@dataclass(frozen=True, slots=True)
+class Normal:
+    """A normal distribution. `middle` are nodes of the prior's tape: x and y, or a heading in radians; `deviation` is
+    the standard deviation, in metres of each coordinate, or in radians."""
+
+    middle: tuple[int, ...]
+    deviation: float
+
+
+@dataclass(frozen=True, slots=True)
+class UniformPlace:
+    """Uniform over the part of a region that lies in the workspace."""
+
+    region: Region
+
+
+@dataclass(frozen=True, slots=True)
+class UniformHeading:
+    """Uniform from one heading counter-clockwise to another, in radians: `low` < `high` <= `low` + 2 pi."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """One of K rows, all equally likely, which has a pose for each of the prior's things; x and y are then moved by up
+    to `reach` metres and the heading by up to `turn` radians, each uniformly and by itself. What would lie beyond the
+    edge of the workspace is cut off."""
+
+    rows: tuple[tuple[Pose, ...], ...]
+    reach: float
+    turn: float
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """What one `usually` statement says of `things`, objects by number: of their places, of their headings or, with
+    recorded poses, of both. Each thing draws one of `options` by itself, in proportion to `weights`; recorded poses are
+    the only option, and things draw their row together. `nodes` is a tape with the middles of normals: numbers and
+    coordinates of other objects."""
+
+    things: tuple[int, ...]
+    part: Literal["place", "heading", "pose"]
+    options: tuple[Normal | UniformPlace | UniformHeading | Recorded, ...]
+    weights: tuple[float, ...]
+    nodes: tuple[Node, ...] = ()

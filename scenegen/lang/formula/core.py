@@ -15,6 +15,7 @@ from typing import Literal
 from scenegen.errors import Span
 from scenegen.geometry.footprint import Footprint
 from scenegen.geometry.primitives import Unit
+from scenegen.geometry.quantile import Quantile
 from scenegen.pose import SIZE
 
 
@@ -37,11 +38,12 @@ class Coord:
 
 @dataclass(frozen=True, slots=True)
 class Apply:
-    """A primitive of PRIMITIVES applied to numbers, and to the footprints `shapes` before them, if any."""
+    """A primitive of PRIMITIVES applied to numbers, and to the footprints `shapes` before them, if any. The quantiles
+    that samplers write instead of coordinates with a prior have theirs there."""
 
     primitive: str
     args: tuple[int, ...]
-    shapes: tuple[Footprint, ...] = ()
+    shapes: tuple[Footprint | Quantile, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

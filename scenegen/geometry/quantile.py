@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
@@ -124,7 +125,7 @@ def truncated_share(z: Any, low: Any, high: Any) -> Array:
     return np.asarray(np.where(above, 1.0 - share, share))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class UniformRun:
     """Uniform from low to high, (K,) each: one option for each."""
 
@@ -134,6 +135,16 @@ class UniformRun:
     @property
     def count(self) -> int:
         return len(self.low)
+
+    @cached_property
+    def least_and_most(self) -> Ends:
+        """(levels, K) each: the least low and the largest high of option k and those after it, 2^level in all."""
+        lows, highs, step = [self.low], [self.high], 1
+        while 2 * step <= self.count:
+            lows.append(np.minimum(lows[-1], np.roll(lows[-1], -step)))
+            highs.append(np.maximum(highs[-1], np.roll(highs[-1], -step)))
+            step *= 2
+        return np.stack(lows), np.stack(highs)
 
     def at(self, which: Index, u: Array, given: Sequence[Array]) -> Array:
         low = self.low[which]
@@ -266,8 +277,7 @@ def quantile(ns: Any, of: Quantile, chooser: Any, number: Any, *given: Any) -> A
     mark = _unit(chooser, of.choosing)
     option = np.minimum(np.searchsorted(of.ends, mark, side="right"), len(of.ends) - 1)
     if of.alone:
-        start = of.starts[option]
-        u = np.clip((mark - start) / (of.ends[option] - start), 0.0, 1.0)
+        u = _within(mark, of.starts[option], of.ends[option])
     if len(of.runs) == 1:
         return of.runs[0].at(option, u, given)
     option, u, *given_ = np.broadcast_arrays(option, u, *given)
@@ -281,6 +291,8 @@ def quantile(ns: Any, of: Quantile, chooser: Any, number: Any, *given: Any) -> A
 
 def quantile_bounds(of: Quantile, chooser: Ends, number: Ends, *given: Ends) -> Ends:
     """Bounds of the coordinate from bounds of its arguments."""
+    if len(of.ends) > MAX_COMPARED_OPTIONS and isinstance(of.runs[0], UniformRun) and len(of.runs) == 1:
+        return _range_of_many(of, of.runs[0], chooser, number)
     found = _by_option(of, chooser, number, given)
     lo = np.where(found.possible, found.low, np.inf).min(axis=0)
     hi = np.where(found.possible, found.high, -np.inf).max(axis=0)
@@ -289,8 +301,10 @@ def quantile_bounds(of: Quantile, chooser: Ends, number: Ends, *given: Ends) -> 
 
 def narrow_quantile(of: Quantile, wanted: Ends, chooser: Ends, number: Ends, *given: Ends) -> tuple[Ends, Ends]:
     """What a wanted range of the coordinate leaves of the two uniform numbers."""
+    shape = np.broadcast_shapes(*(np.shape(one[0]) for one in (wanted, chooser, number, *given)))
+    if len(of.ends) * math.prod(shape) > MAX_COMPARED:
+        return chooser, number
     found = _by_option(of, chooser, number, given)
-    shape = found.possible.shape[1:]
     low, high = (np.broadcast_to(one, shape) for one in (wanted[0] - of.slack, wanted[1] + of.slack))
     possible = found.possible & (found.low <= high) & (found.high >= low)
     shares = [run.shares((low, high), given) for run in of.runs]
@@ -311,6 +325,11 @@ def narrow_quantile(of: Quantile, wanted: Ends, chooser: Ends, number: Ends, *gi
     return _back(choice, of.choosing) if len(of.ends) > 1 else chooser, _back(own, of.saying)
 
 
+MAX_COMPARED_OPTIONS = 8  # options up to which each is looked at
+MAX_COMPARED = 1 << 17  # options times boxes up to which each option is looked at to narrow the choice
+NEAR_OPTIONS = 3  # options that a box can choose from, up to which each is looked at
+
+
 class _ByOption(NamedTuple):
     """Of each option, (K, ...): bounds of its u, bounds of the coordinate, and whether it can be chosen."""
 
@@ -324,19 +343,51 @@ def _by_option(of: Quantile, chooser: Ends, number: Ends, given: Sequence[Ends])
     shape = np.broadcast_shapes(*(np.shape(one[0]) for one in (chooser, number, *given)))
     column = (-1, *(1,) * len(shape))
     starts, ends = of.starts.reshape(column), of.ends.reshape(column)
-    mark: Ends = (_unit(chooser[0], of.choosing), _unit(chooser[1], of.choosing))
-    u: Ends = (_unit(number[0], of.saying)[None], _unit(number[1], of.saying)[None])
+    mark = _unit(chooser[0], of.choosing), _unit(chooser[1], of.choosing)
+    u = _unit(number[0], of.saying)[None], _unit(number[1], of.saying)[None]
     possible = (mark[0] <= ends + ROUNDING) & (mark[1] >= starts - ROUNDING)
     if of.alone:
-        u = tuple(np.clip((one - starts) / (ends - starts), 0.0, 1.0) for one in mark)
-    whole = tuple(np.broadcast_to(one, (len(of.ends), *shape)) for one in u)
+        u = _within(mark[0], starts, ends), _within(mark[1], starts, ends)
+    low_u, high_u = (np.broadcast_to(one, (len(of.ends), *shape)) for one in u)
     first, spans = 0, []
     for run in of.runs:
         part = slice(first, first + run.count)
-        spans.append(run.span((whole[0][part], whole[1][part]), given))
+        spans.append(run.span((low_u[part], high_u[part]), given))
         first += run.count
     low, high = (np.concatenate([one[end] for one in spans]) for end in (0, 1))
-    return _ByOption(whole, low, high, np.broadcast_to(possible, whole[0].shape))
+    return _ByOption((low_u, high_u), low, high, np.broadcast_to(possible, low_u.shape))
+
+
+def _range_of_many(of: Quantile, run: UniformRun, chooser: Ends, number: Ends) -> Ends:
+    """Bounds where there are many options, which are uniform ranges: all of those that can be chosen, from a table of
+    the least and the largest of 1, 2, 4 ... in a row; where these are few, each at its u."""
+    mark = _unit(chooser[0], of.choosing), _unit(chooser[1], of.choosing)
+    u = _unit(number[0], of.saying), _unit(number[1], of.saying)
+    low_mark, high_mark, low_u, high_u = np.broadcast_arrays(*mark, *u)
+    most = len(of.ends) - 1
+    first = np.minimum(np.searchsorted(of.ends, low_mark - ROUNDING), most)
+    last = np.clip(np.searchsorted(of.starts, high_mark + ROUNDING, side="right") - 1, first, most)
+    level = np.frexp((last - first + 1).astype(np.float64))[1] - 1
+    table, before = run.least_and_most, last + 1 - (1 << level)
+    lo = np.minimum(table[0][level, first], table[0][level, before])
+    hi = np.maximum(table[1][level, first], table[1][level, before])
+    near = np.flatnonzero((last - first).ravel() < NEAR_OPTIONS)
+    if len(near):
+        which = np.minimum(first.ravel()[near] + np.arange(NEAR_OPTIONS)[:, None], last.ravel()[near])
+        if of.alone:
+            starts, ends = of.starts[which], of.ends[which]
+            u = _within(low_mark.ravel()[near], starts, ends), _within(high_mark.ravel()[near], starts, ends)
+        else:
+            u = low_u.ravel()[near], high_u.ravel()[near]
+        lo, hi = np.array(lo), np.array(hi)
+        lo.reshape(-1)[near] = run.at(which, u[0], ()).min(axis=0)
+        hi.reshape(-1)[near] = run.at(which, u[1], ()).max(axis=0)
+    return lo - of.slack, hi + of.slack
+
+
+def _within(mark: Array, starts: Array, ends: Array) -> Array:
+    """Where in an option a mark is, 0..1."""
+    return np.asarray(np.clip((mark - starts) / (ends - starts), 0.0, 1.0))
 
 
 def _unit(value: Any, ends: tuple[float, float]) -> Array:

@@ -168,7 +168,7 @@ class _Writer:
                 return self._in_region(region, thing, axis, given)
             case Recorded(rows, reach, turn):
                 which = prior.things.index(thing)
-                kept = [row for row in rows if self._is_reachable(row, prior.things, reach)]
+                kept = sorted((row for row in rows if self._is_reachable(row, prior.things, reach)), key=_along_curve)
                 middle = np.array([row[which][axis] for row in kept])
                 if axis == THETA:
                     return UniformRun(middle - min(turn, math.pi), middle + min(turn, math.pi))
@@ -213,6 +213,16 @@ class _Writer:
         at = self._argument(self.coordinate(row_of(thing, X)), given)
         assert isinstance(at, int)
         return region_runs(points, at)[1]
+
+
+CURVE_BITS, CURVE_STEP = 10, 0.01  # of a coordinate, and metres of the lowest one
+
+
+def _along_curve(row: Sequence[tuple[float, ...]]) -> int:
+    """Where the first thing of a recorded row is along a curve that visits the plane square by square (Morton 1966): rows
+    that follow one another are near each other, so that parts of their order are small parts of the table."""
+    x, y = (int(row[0][axis] / CURVE_STEP) & ((1 << CURVE_BITS) - 1) for axis in PLACE)
+    return sum((x >> bit & 1) << 2 * bit | (y >> bit & 1) << 2 * bit + 1 for bit in range(CURVE_BITS))
 
 
 def _is_along_axes(heading: float) -> bool:

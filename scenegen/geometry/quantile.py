@@ -309,7 +309,9 @@ def narrow_quantile(of: Quantile, wanted: Ends, chooser: Ends, number: Ends, *gi
     possible = found.possible & (found.low <= high) & (found.high >= low)
     shares = [run.shares((low, high), given) for run in of.runs]
     least, most = (
-        np.concatenate([np.broadcast_to(one[end], (run.count, *shape)) for one, run in zip(shares, of.runs, strict=True)])
+        np.concatenate(
+            [np.broadcast_to(one[end], (run.count, *shape)) for one, run in zip(shares, of.runs, strict=True)]
+        )
         for end in (0, 1)
     )
     least = np.fmax(least - ROUNDING, found.u[0])  # of the two, the one that is a number

@@ -114,11 +114,11 @@ def prior_statement(
         held = [one for one in some if one in lowering.coerce.fixed]
         if held:
             raise SpecError(WRONG_PRIOR(expr.span(source), held=_name(lowering, held[0] or 0)))
-    of = statement.distribution
+    of = written = statement.distribution
     span = statement.span(source)
     if isinstance(of, ast.Call) and of.function.id == POSES:
-        recorded, row = _recorded(reader, of)
-        found, written = _with_variants(Prior(reader.present, "pose", (recorded,), (1.0,)), also), row
+        recorded, written = _recorded(reader, of)
+        found = _with_variants(Prior(reader.present, "pose", (recorded,), (1.0,)), also)
         relative = frozenset[int]()
     else:
         options, weights, middles = _options(reader, of)
@@ -129,7 +129,7 @@ def prior_statement(
             for one in options
         )
         found = _with_variants(Prior(reader.present, part, numbered, weights, core.nodes if middles else ()), also)
-        written, relative = of, frozenset(node.object for node in core.nodes if isinstance(node, Coord))
+        relative = frozenset(node.object for node in core.nodes if isinstance(node, Coord))
     kept = tuple(
         expr for expr, some in zip(statement.things, named, strict=True) if any(one is not None for one in some)
     )

@@ -69,9 +69,9 @@ class Dataset:
 def base_draw(
     spec: CheckedSpec, scenes: int, generator: torch.Generator, found_so_far: Callable[[int], None] | None = None
 ) -> Tensor:
-    """(3N, scenes) float32 from the base distribution: uniform over workspace and circle but for priors, objects that are
-    held in their place, what is required met. `found_so_far` gets their number. Raises RequestError where that is met
-    too rarely for plain draws."""
+    """(3N, scenes) float32 from the base distribution: uniform over workspace and circle, but for priors; objects that
+    are held in their place, what is required met. `found_so_far` gets their number. Raises RequestError where that is
+    met too rarely for plain draws."""
     if spec.core.requirement is None:
         return _free_draw(spec, scenes, generator)
     spec_loss = Robustness(gate(spec.core))

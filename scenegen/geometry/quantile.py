@@ -393,7 +393,8 @@ def _within(mark: Array, starts: Array, ends: Array) -> Array:
 
 
 def _unit(value: Any, ends: tuple[float, float]) -> Array:
-    return np.asarray((np.asarray(value, dtype=np.float64) - ends[0]) / (ends[1] - ends[0]))
+    """A uniform number as a share of its range, 0..1, which rounding could leave."""
+    return np.asarray(np.clip((np.asarray(value, dtype=np.float64) - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0))
 
 
 def _back(unit: Ends, ends: tuple[float, float]) -> Ends:

@@ -306,9 +306,8 @@ def _uniform_heading(reader: _Reader, call: ast.Call) -> UniformHeading:
         mended = None
         if high < low < high + TWO_PI - LEAST_SPREAD:
             mended = f"{degrees[0]:g} deg, {degrees[1] + 360.0:g} deg"
-        span = "none" if high <= low + LEAST_SPREAD else "more than a turn"
-        here = call.span(reader.source)
-        raise SpecError(WRONG_SPREAD(here, low=degrees[0], high=degrees[1], span=span, mended=mended))
+        here, wide = call.span(reader.source), high > low + TWO_PI or None
+        raise SpecError(WRONG_SPREAD(here, low=degrees[0], high=degrees[1], wide=wide, mended=mended))
     return UniformHeading(low, min(high, low + TWO_PI))
 
 

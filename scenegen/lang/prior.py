@@ -79,12 +79,12 @@ class Prior:
     nodes: tuple[Node, ...] = ()
 
 
-<<<<<<< HEAD
 def prior_rows(priors: Iterable[Prior]) -> dict[int, Prior]:
     """The rows of (3N, B) storage that have a prior, with theirs."""
     axes = {"place": PLACE, "heading": (THETA,), "pose": (*PLACE, THETA)}
     return {row_of(thing, axis): one for one in priors for thing in one.things for axis in axes[one.part]}
-=======
+
+
 def prior_text(prior: Prior, names: Sequence[str], objects: Sequence[str]) -> str:
     """A prior as a spec says it, with recorded poses counted; `names` are what its things are called, `objects` those
     of the spec."""
@@ -109,4 +109,3 @@ def _option_text(prior: Prior, one: Normal | UniformPlace | UniformHeading | Rec
             (known,) = (prior.nodes[node] for node in middle)
             written = f"{math.degrees(known.value):g} deg" if isinstance(known, Const) else numbers[0]
             return f"normal({written}, {math.degrees(deviation):g} deg)"
->>>>>>> v-lang

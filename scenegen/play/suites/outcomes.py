@@ -36,14 +36,14 @@ class SceneThatStood(FileModel):
 
 
 class EpisodeOutcome(FileModel, extra="allow"):
-    """Another line: `error` says why an episode counts as a failure that was none of the world's judgement, `scene`
+    """Another line: `steps` are None where a harness does not say them, `error` says why an episode counts as a failure that was none of the world's judgement, `scene`
     what stood there, where the world says that it was another scene than the start."""
 
     episode: Annotated[int, Field(ge=0)]
     task: str
     band: str
     success: bool
-    steps: Annotated[int, Field(ge=0)]
+    steps: Annotated[int, Field(ge=0)] | None
     error: str | None = None
     scene: SceneThatStood | None = Field(default=None, exclude_if=not_)
 

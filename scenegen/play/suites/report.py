@@ -210,7 +210,7 @@ def _errors(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
     for one in read:
         each = Counter(episode.error for episode in one.episodes if episode.error is not None)
         rows += [(one.name, f"{many}", said) for said, many in each.most_common(3)]
-        at_once = sum(episode.success and not episode.steps for episode in one.episodes)
+        at_once = sum(episode.success and episode.steps == 0 for episode in one.episodes)
         rows += [(one.name, f"{at_once}", "solved at once: the world judges the start a success")] if at_once else []
     note = "Episodes that ended by an error count as failures."
     return [ReportTable("Errors", note, ("", "episodes", "what"), rows)] if rows else []

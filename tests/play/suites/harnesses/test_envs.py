@@ -5,6 +5,7 @@ import pytest
 
 from scenegen.errors import DataError, RequestError, ScenegenError
 from scenegen.errors.worlds import NOT_A_SUITE, WORLD_FAILS
+from scenegen.play.suites.harnesses.groups import group_name
 from scenegen.play.suites.harnesses.lerobot import make_suite_envs
 from scenegen.play.suites.suite import Suite
 
@@ -15,8 +16,9 @@ WORLD = f"{worlds.__name__}:Forgetful"
 
 def envs_of(folder, n=3, world=WORLD, **given):
     found = make_suite_envs(folder, world, n, **given)
-    assert list(found) == ["small"] and list(found["small"]) == [0]
-    return found["small"][0]
+    group = group_name(Suite.load(folder, reverse=given.get("reverse", False)))
+    assert list(found) == [group] and list(found[group]) == [0]
+    return found[group][0]
 
 
 def poses_of(observation):

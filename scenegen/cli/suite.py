@@ -52,19 +52,22 @@ SUITE_OPTIONS = {  # of each action: those that must be given, and the others
     ),
     "report": (("out",), ("pictures", "workers")),
     "envhub": (("world", "out"), ("reverse", "steps")),
+    "metaworld": (("out",), ()),
 }
 
 HAND_SECONDS = 86_400.0  # of an episode that a person sets and judges
 
 
 def suite(
-    action: str = argument("new, check, run, report or envhub.", "ACTION", autocompletion=choices(*SUITE_OPTIONS)),
+    action: str = argument(
+        "new, check, run, report, envhub or metaworld.", "ACTION", autocompletion=choices(*SUITE_OPTIONS)
+    ),
     places: list[str] = argument(
         "For new: spec files. Else the suite's folder, or the name of a shipped suite; for report then files of"
         " outcomes.",
         "PLACE...",
     ),
-    out: Path | None = option("new, envhub: a folder. run: .jsonl. report: .html or .md.", "DIR|FILE"),
+    out: Path | None = option("new, envhub: a folder. run: .jsonl. report: .html or .md. metaworld: .pkl.", "DIR|FILE"),
     bands: list[str] | None = option(
         "new: how many, equally probable; default: 5. Or a range of phi, once for each. run: the names of some.",
         "K|NAME=LO:HI|NAME",
@@ -109,6 +112,7 @@ def suite(
           --until decided --against a.jsonl
       scenegen suite report mine/ a.jsonl b.jsonl --out report.html
       scenegen suite envhub mine/ --world table --out hub/
+      scenegen suite metaworld mine/ --out tasks.pkl
 
     A start is a scene in which the label of success does not hold. Of each task there are as many starts of each band
     of phi, and the suite knows how probable each band is. Starts are ordinary scenes files: `scenegen render
@@ -117,12 +121,19 @@ def suite(
 
     `run` writes a line for each episode; one that fails, dies or hangs counts as a failure, and the others go on.
     With --until decided it looks after every episode, by a test that allows it, and stops once one policy is shown to
-    be better. `envhub` writes a folder that LeRobot loads from the hub.
+    be better. `envhub` writes a folder that LeRobot loads from the hub, `metaworld` a list of tasks for Meta-World.
     """
     given = {name: value for name, value in locals().items() if value is not None and value is not False}
     del given["action"], given["places"]
     check_action("suite", action, given, SUITE_OPTIONS)
-    actions: dict[str, Any] = {"new": _new, "check": _check, "run": _run, "report": _report, "envhub": _envhub}
+    actions: dict[str, Any] = {
+        "new": _new,
+        "check": _check,
+        "run": _run,
+        "report": _report,
+        "envhub": _envhub,
+        "metaworld": _metaworld,
+    }
     actions[action](places, **given)
 
 
@@ -263,3 +274,14 @@ def _envhub(places: list[str], out: Path, **given: Any) -> None:
         raise RequestError(OUT_OF_PLACE(option=places[1], rule="is a second suite", remedy="a folder has one"))
     names = write_envhub(places[0], out, **given)
     print_error(f'{len(names)} files in {out}: upload the folder, then make_env("OWNER/NAME", trust_remote_code=True)')
+
+
+def _metaworld(places: list[str], out: Path) -> None:
+    from scenegen.play.suites.harnesses.metaworld import write_metaworld
+
+    if places[1:]:
+        raise RequestError(OUT_OF_PLACE(option=places[1], rule="is a second suite", remedy="a file has one"))
+    with progress_bar() as bar:
+        shown = bar.add_task("starts", total=None)
+        off = write_metaworld(places[0], out, told=lambda done, count: bar.update(shown, completed=done, total=count))
+    print_error(f"tasks in {out}, each set in Meta-World: objects are at most {1000.0 * off:.2f} mm off there")

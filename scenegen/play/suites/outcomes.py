@@ -36,8 +36,9 @@ class SceneThatStood(FileModel):
 
 
 class EpisodeOutcome(FileModel, extra="allow"):
-    """Another line: `steps` are None where a harness does not say them, `error` says why an episode counts as a failure that was none of the world's judgement, `scene`
-    what stood there, where the world says that it was another scene than the start."""
+    """Another line: `steps` are None where a harness does not say them; `error` says why an episode counts as a failure
+    that was none of the world's judgement, `scene` what stood there, where the world says that it was another scene
+    than the start."""
 
     episode: Annotated[int, Field(ge=0)]
     task: str

@@ -176,7 +176,7 @@ def test_what_lerobot_writes_are_our_outcomes(lerobot, stopping, small, tmp_path
         *found, terminated, truncated, info = step(actions)
         for k in np.flatnonzero(terminated | truncated):
             if k in playing:  # what begins by itself then is thrown away
-                ended[playing.pop(k)] = bool(info["final_info"]["is_success"][k])
+                ended.setdefault(playing.pop(k), bool(info["final_info"]["is_success"][k]))
         return *found, terminated, truncated, info
 
     vector.reset, vector.step = note_reset, note_step

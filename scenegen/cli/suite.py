@@ -24,6 +24,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import ARGUMENT_SYNTAX, MISSING_ARGUMENT, OUT_OF_PLACE, UNKNOWN_CHOICE
 
 if TYPE_CHECKING:
+    from scenegen.learn.success.files import Letter
     from scenegen.play.suites.outcomes import EpisodeOutcome
     from scenegen.sampling.engine.engines import JobResult
     from scenegen.sampling.request import Range
@@ -42,6 +43,7 @@ SUITE_OPTIONS = {  # of each action: those that must be given, and the others
             "instruction",
             "episodes",
             "order",
+            "blind",
             "resume",
             "until",
             "against",
@@ -92,6 +94,7 @@ def suite(
     instruction: str | None = option("run: own, or empty: the same starts without a word.", "own|empty"),
     episodes: str | None = option("run: some of them; default: all.", "FIRST:END"),
     order: Path | None = option("run: episodes as `scenegen stage order` wrote them, in its order.", ".csv"),
+    blind: str | None = option("run: with an --order of pairs, what this policy is called there.", "A|B"),
     resume: bool = option("run: go on with a file."),
     until: str | None = option("run: stop once one of two policies is shown to be better.", "decided"),
     against: Path | None = option("run: with --until, the outcomes of the other policy.", ".jsonl"),
@@ -195,10 +198,11 @@ def _run(
     until: str | None = None,
     against: Path | None = None,
     order: Path | None = None,
+    blind: Letter | None = None,
     **given: Any,
 ) -> None:
     from scenegen.play.suites.loading import HAND
-    from scenegen.play.suites.outcomes import RUN_FIELDS, compare_outcomes, differences, read_outcomes
+    from scenegen.play.suites.outcomes import LETTERS, RUN_FIELDS, compare_outcomes, differences, read_outcomes
     from scenegen.play.suites.run import run_suite
     from scenegen.play.suites.suite import Suite
     from scenegen.scenes.formats.registry import check_ending
@@ -212,6 +216,10 @@ def _run(
         raise RequestError(
             MISSING_ARGUMENT(argument="against", question="which outcomes is this policy compared with?")
         )
+    if blind not in (None, *LETTERS):
+        raise RequestError(UNKNOWN_CHOICE(what="letter", name=blind, known=LETTERS))
+    if blind and not order:
+        raise RequestError(MISSING_ARGUMENT(argument="order", question="which order of pairs has this letter?"))
     if against and not until:
         raise RequestError(MISSING_ARGUMENT(argument="until", question="--until decided goes with --against"))
     check_ending(out, ".jsonl")
@@ -220,8 +228,8 @@ def _run(
     if order:
         from scenegen.play.stage.order import read_order
 
-        some = read_order(order, loaded, some)
-        given |= {"in_order": True}
+        given["order"] = read_order(order, loaded, some, blind)
+        some = list(given["order"].trials)
     successes = done = 0
     errors = Counter[str]()
     bar = progress_bar()

@@ -7,7 +7,7 @@ import pytest
 
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.worlds import METAWORLD_START
-from scenegen.play.suites.harnesses.metaworld import write_metaworld
+from scenegen.play.suites.harnesses.metaworld import MAX_OFF, SEEN, write_metaworld
 from scenegen.play.suites.new import new_suite
 from scenegen.play.suites.suite import Suite
 
@@ -96,6 +96,31 @@ def test_meta_worlds_own_benchmark_takes_the_tasks(metaworld, made):
         assert np.abs(observation[36:38] - start.poses[start.objects.index("target"), :2]).max() < 1e-9
         assert not env.step(np.zeros(4, dtype=np.float32))[4]["success"]
         assert sorted(pickle.loads(task.data)) == sorted(pickle.loads(tasks[number].data))  # noqa: S301
+
+
+FITTING = """
+bin-picking box-close button-press-topdown button-press-topdown-wall coffee-pull coffee-push hammer hand-insert
+pick-out-of-hole pick-place pick-place-wall plate-slide plate-slide-side push push-back push-wall reach reach-wall
+shelf-place soccer stick-pull stick-push sweep sweep-into
+""".split()  # docs/harnesses.md has them
+
+
+def test_environments_that_observe_what_they_place(metaworld):
+    """The same check as the writer's, with the object at one end of its range and the target at the other."""
+    found = []
+    for name, kind in metaworld.env_dict.ALL_V3_ENVIRONMENTS.items():
+        env = kind()
+        low, high = env._random_reset_space.low, env._random_reset_space.high
+        vector = np.hstack([low[:3], high[3:]])
+        data = {"rand_vec": vector, "env_cls": kind, "partially_observable": False}
+        env.set_task(metaworld.Task(name, pickle.dumps(data)))
+        observation, _ = env.reset()
+        offs = [
+            np.abs(observation[seen] - vector[3 * k : 3 * k + 2]).max() for k, seen in enumerate(SEEN[: len(low) // 3])
+        ]
+        if max(offs) <= MAX_OFF:
+            found.append(name.removesuffix("-v3"))
+    assert sorted(found) == sorted(FITTING) and len(found) == 24
 
 
 @pytest.mark.parametrize(

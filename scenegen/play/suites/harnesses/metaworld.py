@@ -13,13 +13,11 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
-from scenegen.arrays import Array
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.requests import UNKNOWN_CHOICE
 from scenegen.errors.worlds import METAWORLD_START
@@ -79,21 +77,23 @@ class TaskPlacer:
         if free or not set(wanted) <= set(objects):
             self._refuse(wanted=wanted, objects=objects)
         self.which = [objects.index(name) for name in wanted]
-        self.phi = self._phi_unturned()
+        poses = task.scenes.poses.copy()
+        poses[:, [index for index in self.which if index not in held], THETA] = 0.0
+        self.phi = task.spec.scenes(poses, on=task.scenes.on).phi  # as Meta-World has them, which turns nothing
         self.draw, self.draws = self.env._get_state_rand_vec, 0
         self.env._get_state_rand_vec = self._draw  # an attribute of this one environment
 
     def place(self, start: GradedStart) -> Any:
         """The task of a start, set in the environment. Raises DataError where that has it otherwise."""
-        where = partial(self._refuse, number=start.number)
         vector = start.poses[self.which, :3].copy()
         for name, at, low, high in zip(PLACED, vector, self.low, self.high, strict=False):
             if (at[:2] < low[:2] - SLACK).any() or (at[:2] > high[:2] + SLACK).any():
-                where(name=name, x=at[0], y=at[1], low=_point(low), high=_point(high))
+                ends = {"low": f"({low[0]:g}, {low[1]:g})", "high": f"({high[0]:g}, {high[1]:g})"}
+                self._refuse(number=start.number, name=name, x=at[0], y=at[1], **ends)
         vector[:, 2] = np.clip(vector[:, 2], self.low[:, 2], self.high[:, 2])
         for label, phi in start.phi.items():
             if abs(self.phi[label][start.row] - phi) > SLACK:
-                where(label=label, phi=phi, unturned=self.phi[label][start.row])
+                self._refuse(number=start.number, label=label, phi=phi, unturned=self.phi[label][start.row])
         data = {"rand_vec": vector.ravel(), "env_cls": self.kind, "partially_observable": False}
         task = self.make(start.task.name, pickle.dumps(data, protocol=4))
         self.draws = 0
@@ -101,21 +101,14 @@ class TaskPlacer:
         try:
             observation, _ = self.env.reset()
         except _DrawsForever:
-            apart = np.hypot(*(vector[0] - vector[-1])[:2])
-            where(apart=100.0 * apart)
+            apart = 100.0 * float(np.hypot(*(vector[0] - vector[-1])[:2]))
+            self._refuse(number=start.number, apart=apart)
         for name, at, seen in zip(PLACED, vector, SEEN, strict=False):
             off = float(np.abs(observation[seen] - at[:2]).max())
             if off > MAX_OFF:
-                where(name=name, off=1000.0 * off)
+                self._refuse(number=start.number, name=name, off=1000.0 * off)
             self.off = max(self.off, off)
         return task
-
-    def _phi_unturned(self) -> dict[str, Array]:
-        """phi of the starts with the headings that Meta-World gives them: none."""
-        scenes = self.task.scenes
-        poses = scenes.poses.copy()
-        poses[:, self.which, THETA] = 0.0
-        return dict(self.task.spec.scenes(poses, on=scenes.on).phi)
 
     def _draw(self) -> Any:
         self.draws += 1
@@ -123,13 +116,9 @@ class TaskPlacer:
             raise _DrawsForever
         return self.draw()
 
-    def _refuse(self, **facts: Any) -> None:
+    def _refuse(self, **facts: Any) -> NoReturn:
         raise DataError(METAWORLD_START(task=self.task.name, **facts))
 
 
 class _DrawsForever(Exception):  # noqa: N818
     """An environment that does not take a `rand_vec`."""
-
-
-def _point(place: Array) -> str:
-    return f"({place[0]:g}, {place[1]:g})"

@@ -17,8 +17,9 @@ from scenegen.arrays import Array, Index
 from scenegen.errors import DataError
 from scenegen.errors.files import NOT_SCENES
 from scenegen.errors.worlds import NOT_A_SUITE
+from scenegen.learn.success.files import Letter
 from scenegen.play.stage.stage import TableStage
-from scenegen.play.suites.outcomes import LETTERS, EpisodeOrder, Letter
+from scenegen.play.suites.outcomes import LETTERS, EpisodeOrder
 from scenegen.play.suites.suite import GradedStart, Suite
 from scenegen.scenes.files import read_bytes
 from scenegen.scenes.formats.tables import read_table

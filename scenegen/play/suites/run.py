@@ -223,8 +223,10 @@ def _play_all(
 def _outcome(
     start: GradedStart, success: bool, steps: int, error: str | None = None, scene: SceneThatStood | None = None
 ) -> EpisodeOutcome:
-    names = {"task": start.task.name, "band": start.band}
-    return EpisodeOutcome(episode=start.number, **names, success=success, steps=steps, error=error, scene=scene)
+    return EpisodeOutcome(
+        episode=start.number, task=start.task.name, band=start.band, success=success, steps=steps, error=error,
+        scene=scene,
+    )  # fmt: skip
 
 
 @dataclass(slots=True)

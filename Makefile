@@ -100,10 +100,10 @@ test-libero:     ## starts and solved states of LIBERO's own tasks, judged by LI
 
 # an environment of its own: LeRobot brings its own torch, and LeRobot 0.4 wants one older than ours without needing it
 HARNESSES_PYTHON := build/harnesses/bin/python
-test-harnesses:  ## suites in LeRobot, vla-eval and Inspect Robots: start i is the same in all of them, bit for bit
+test-harnesses:  ## suites in LeRobot, vla-eval, Inspect Robots and Meta-World: start i is the same in all of them; 6 minutes from nothing
 	@test -x $(HARNESSES_PYTHON) || "$(PYTHON)" -m venv build/harnesses
 	$(HARNESSES_PYTHON) -m pip install --quiet --disable-pip-version-check --no-deps "lerobot==0.4.4"
-	$(HARNESSES_PYTHON) -m pip install --quiet --disable-pip-version-check "vla-eval>=0.8,<0.9" "inspect-robots>=0.60,<0.61" "gymnasium>=1.1.1,<2" "robosuite>=1.5.2,<1.6" "mujoco>=3.3,<3.4" torch torchvision "huggingface-hub>=0.34.2,<0.36" "datasets>=4,<5" "diffusers>=0.27.2,<0.36" "accelerate>=1.10,<2" "draccus==0.10.0" einops "av>=15,<16" jsonlines "packaging<26" termcolor deepdiff pyserial "imageio[ffmpeg]" pytest hypothesis -e .
+	$(HARNESSES_PYTHON) -m pip install --quiet --disable-pip-version-check "vla-eval>=0.8,<0.9" "inspect-robots>=0.60,<0.61" "gymnasium>=1.1.1,<2" "robosuite>=1.5.2,<1.6" "mujoco>=3.3,<3.4" "metaworld>=3.1,<3.2" torch torchvision "huggingface-hub>=0.34.2,<0.36" "datasets>=4,<5" "diffusers>=0.27.2,<0.36" "accelerate>=1.10,<2" "draccus==0.10.0" einops "av>=15,<16" jsonlines "packaging<26" termcolor deepdiff pyserial "imageio[ffmpeg]" pytest hypothesis -e .
 	$(HARNESSES_PYTHON) -m pip install --quiet --disable-pip-version-check --no-deps "numpy>=2,<2.4"
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(HARNESSES_PYTHON) -m pytest -m harnesses tests/play/suites/harnesses
 

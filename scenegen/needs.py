@@ -22,6 +22,7 @@ INSTALL = {
     "cv2": 'pip install "scenegen-dsl[stage]"',
     "fpdf": 'pip install "scenegen-dsl[stage]"',
     "gymnasium": 'pip install "scenegen-dsl[rl]"',
+    "metaworld": 'pip install "metaworld>=3.1,<3.2" packaging',
     "mujoco": 'pip install "scenegen-dsl[mujoco]"',
     "pxr": 'pip install "scenegen-dsl[usd]"',
     "pyarrow": 'pip install "scenegen-dsl[parquet]"',

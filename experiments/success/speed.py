@@ -32,7 +32,7 @@ def main(folder: str) -> None:
             began = time.process_time()
             found += map(play, numbers)
             spent += time.process_time() - began
-        won, steps = sum(one.success for one in found), sum(one.steps for one in found) / len(found)
+        won, steps = sum(one.success for one in found), sum(one.steps or 0 for one in found) / len(found)
         step = table.PHYSICS_STEP * 1e3
         print(f"torques each {table.TORQUE_STEPS * step:.0f} ms, steps of {step:.0f} ms: "
               f"{spent / len(found):.2f} s an episode of {steps:.0f} actions; {won} succeed")  # fmt: skip

@@ -157,13 +157,13 @@ def _overlay(
 
 
 def _order(place: str, out: Path, episodes: str | None = None, pairs: bool = False, reverse: bool = False) -> None:
-    from scenegen.play.stage.order import order_starts, travel_of, write_order
+    from scenegen.play.stage.order import key_of, order_starts, travel_of, write_order
     from scenegen.scenes.files import write_whole
     from scenegen.scenes.formats.registry import check_ending
 
     check_ending(out, ".csv")
     suite, starts = _starts(place, episodes, reverse)
-    key = out.with_name(f"{out.stem}.key.csv")
+    key = key_of(out)
     ordered = order_starts(suite, starts)
     trials, letters = write_order(suite, ordered, pairs)
     write_whole(out, trials)

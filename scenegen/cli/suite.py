@@ -24,6 +24,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import ARGUMENT_SYNTAX, MISSING_ARGUMENT, OUT_OF_PLACE, UNKNOWN_CHOICE
 
 if TYPE_CHECKING:
+    from scenegen.learn.success.files import Letter
     from scenegen.play.suites.outcomes import EpisodeOutcome
     from scenegen.sampling.engine.engines import JobResult
     from scenegen.sampling.request import Range
@@ -42,6 +43,7 @@ SUITE_OPTIONS = {  # of each action: those that must be given, and the others
             "instruction",
             "episodes",
             "order",
+            "blind",
             "resume",
             "until",
             "against",
@@ -52,19 +54,22 @@ SUITE_OPTIONS = {  # of each action: those that must be given, and the others
     ),
     "report": (("out",), ("pictures", "workers")),
     "envhub": (("world", "out"), ("reverse", "steps")),
+    "metaworld": (("out",), ()),
 }
 
 HAND_SECONDS = 86_400.0  # of an episode that a person sets and judges
 
 
 def suite(
-    action: str = argument("new, check, run, report or envhub.", "ACTION", autocompletion=choices(*SUITE_OPTIONS)),
+    action: str = argument(
+        "new, check, run, report, envhub or metaworld.", "ACTION", autocompletion=choices(*SUITE_OPTIONS)
+    ),
     places: list[str] = argument(
         "For new: spec files. Else the suite's folder, or the name of a shipped suite; for report then files of"
         " outcomes.",
         "PLACE...",
     ),
-    out: Path | None = option("new, envhub: a folder. run: .jsonl. report: .html or .md.", "DIR|FILE"),
+    out: Path | None = option("new, envhub: a folder. run: .jsonl. report: .html or .md. metaworld: .pkl.", "DIR|FILE"),
     bands: list[str] | None = option(
         "new: how many, equally probable; default: 5. Or a range of phi, once for each. run: the names of some.",
         "K|NAME=LO:HI|NAME",
@@ -89,6 +94,7 @@ def suite(
     instruction: str | None = option("run: own, or empty: the same starts without a word.", "own|empty"),
     episodes: str | None = option("run: some of them; default: all.", "FIRST:END"),
     order: Path | None = option("run: episodes as `scenegen stage order` wrote them, in its order.", ".csv"),
+    blind: str | None = option("run: with an --order of pairs, what this policy is called there.", "A|B"),
     resume: bool = option("run: go on with a file."),
     until: str | None = option("run: stop once one of two policies is shown to be better.", "decided"),
     against: Path | None = option("run: with --until, the outcomes of the other policy.", ".jsonl"),
@@ -109,6 +115,7 @@ def suite(
           --until decided --against a.jsonl
       scenegen suite report mine/ a.jsonl b.jsonl --out report.html
       scenegen suite envhub mine/ --world table --out hub/
+      scenegen suite metaworld mine/ --out tasks.pkl
 
     A start is a scene in which the label of success does not hold. Of each task there are as many starts of each band
     of phi, and the suite knows how probable each band is. Starts are ordinary scenes files: `scenegen render
@@ -117,12 +124,19 @@ def suite(
 
     `run` writes a line for each episode; one that fails, dies or hangs counts as a failure, and the others go on.
     With --until decided it looks after every episode, by a test that allows it, and stops once one policy is shown to
-    be better. `envhub` writes a folder that LeRobot loads from the hub.
+    be better. `envhub` writes a folder that LeRobot loads from the hub, `metaworld` a list of tasks for Meta-World.
     """
     given = {name: value for name, value in locals().items() if value is not None and value is not False}
     del given["action"], given["places"]
     check_action("suite", action, given, SUITE_OPTIONS)
-    actions: dict[str, Any] = {"new": _new, "check": _check, "run": _run, "report": _report, "envhub": _envhub}
+    actions: dict[str, Any] = {
+        "new": _new,
+        "check": _check,
+        "run": _run,
+        "report": _report,
+        "envhub": _envhub,
+        "metaworld": _metaworld,
+    }
     actions[action](places, **given)
 
 
@@ -184,10 +198,11 @@ def _run(
     until: str | None = None,
     against: Path | None = None,
     order: Path | None = None,
+    blind: Letter | None = None,
     **given: Any,
 ) -> None:
     from scenegen.play.suites.loading import HAND
-    from scenegen.play.suites.outcomes import RUN_FIELDS, compare_outcomes, differences, read_outcomes
+    from scenegen.play.suites.outcomes import LETTERS, RUN_FIELDS, compare_outcomes, differences, read_outcomes
     from scenegen.play.suites.run import run_suite
     from scenegen.play.suites.suite import Suite
     from scenegen.scenes.formats.registry import check_ending
@@ -201,6 +216,10 @@ def _run(
         raise RequestError(
             MISSING_ARGUMENT(argument="against", question="which outcomes is this policy compared with?")
         )
+    if blind not in (None, *LETTERS):
+        raise RequestError(UNKNOWN_CHOICE(what="letter", name=blind, known=LETTERS))
+    if blind and not order:
+        raise RequestError(MISSING_ARGUMENT(argument="order", question="which order of pairs has this letter?"))
     if against and not until:
         raise RequestError(MISSING_ARGUMENT(argument="until", question="--until decided goes with --against"))
     check_ending(out, ".jsonl")
@@ -209,8 +228,8 @@ def _run(
     if order:
         from scenegen.play.stage.order import read_order
 
-        some = read_order(order, loaded, some)
-        given |= {"in_order": True}
+        given["order"] = read_order(order, loaded, some, blind)
+        some = list(given["order"].trials)
     successes = done = 0
     errors = Counter[str]()
     bar = progress_bar()
@@ -263,3 +282,14 @@ def _envhub(places: list[str], out: Path, **given: Any) -> None:
         raise RequestError(OUT_OF_PLACE(option=places[1], rule="is a second suite", remedy="a folder has one"))
     names = write_envhub(places[0], out, **given)
     print_error(f'{len(names)} files in {out}: upload the folder, then make_env("OWNER/NAME", trust_remote_code=True)')
+
+
+def _metaworld(places: list[str], out: Path) -> None:
+    from scenegen.play.suites.harnesses.metaworld import write_metaworld
+
+    if places[1:]:
+        raise RequestError(OUT_OF_PLACE(option=places[1], rule="is a second suite", remedy="a file has one"))
+    with progress_bar() as bar:
+        shown = bar.add_task("starts", total=None)
+        off = write_metaworld(places[0], out, told=lambda done, count: bar.update(shown, completed=done, total=count))
+    print_error(f"tasks in {out}, each set in Meta-World: objects are at most {1000.0 * off:.2f} mm off there")

@@ -134,6 +134,23 @@ WORLD_FAILS = Kind(
     "{what} `{name}` {how}: {reason}",
     help="try it by itself; <resume> goes on with the outcomes that there are",
 )
+METAWORLD_START = Kind(
+    "metaworld-start",
+    (
+        "Meta-World's {task} places {wanted:quoted}, and the spec has {objects:quoted}",
+        "start {number} of {task} has `{name}` at ({x:.3f}, {y:.3f}), where Meta-World never draws it",
+        "start {number} of {task} has another phi of `{label}` in Meta-World: {unturned:.4f}, not {phi:.4f}",
+        "Meta-World's {task} never takes start {number}: `obj` and `target` are {apart:.1f} cm apart",
+        "Meta-World's {task} says that `{name}` of start {number} is {off:.1f} mm off",
+    ),
+    help=(
+        "name them so, and hold all others in their places with `at`{wanted:?}",
+        "its range is {low} to {high}, in metres: require that of x(obj) and y(obj), or x(target) and y(target){low:?}",
+        "it turns nothing: give them round footprints, or leave their headings out of the formula{label:?}",
+        "require them farther apart: 15 cm in most of its environments, 25 cm in box-close-v3{apart:?}",
+        "what it observes there is no object that it places: choose another environment",
+    ),
+)
 
 # a suite on a real table
 STAGE_PHOTO = Kind(

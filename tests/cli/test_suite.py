@@ -74,7 +74,27 @@ def test_episodes_that_end_by_an_error_are_told(small, scenegen, tmp_path):
             ["run", "small", "--out", "o.jsonl", "--world", "w:m", "--policy", "p:a", "--against", "b.jsonl"],
             "missing-argument",
         ),
+        (
+            ["run", "small", "--out", "o.jsonl", "--world", "w:m", "--policy", "p:a", "--blind", "A"],
+            "missing-argument",
+        ),
+        (
+            [
+                *("run", "small", "--out", "o.jsonl", "--world", "w:m", "--policy", "p:a"),
+                *("--order", "o.csv", "--blind", "C"),
+            ],
+            "unknown-choice",
+        ),
+        (
+            [
+                *("run", "small", "--out", "o.jsonl", "--world", "w:m", "--policy", "p:a"),
+                *("--order", "o.csv", "--blind", "A"),
+            ],
+            "cannot-read",
+        ),
         (["report", "small", "o.jsonl", "--out", "o.pdf"], "wrong-ending"),
+        (["metaworld", "small"], "missing-argument"),
+        (["metaworld", "small", "small", "--out", "t.pkl"], "out-of-place"),
         (["envhub", "small", "--out", "hub"], "missing-argument"),
         (["envhub", "small", "small", "--out", "hub", "--world", "table"], "out-of-place"),
         (["envhub", "small", "--out", "hub", "--world", "w.py:m"], "wrong-value"),

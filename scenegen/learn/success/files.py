@@ -17,6 +17,7 @@ from scenegen.scenes.sets import Sha256
 
 BLANK_DIGEST = "0" * 64  # what the digest is computed with in its own place
 Instruction = Literal["own", "empty"]
+Letter = Literal["A", "B"]  # what a policy is called where nobody who sets and judges may know which it is
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -29,7 +30,8 @@ class FileModel(BaseModel):
 class OutcomesHeader(FileModel, extra="allow"):
     """The first line: which suite, world and policy; `episodes` is the number of starts of the suite. `steps` and
     `timeout`, in seconds, are the most that an episode had; `versions` those of scenegen and of the world's package;
-    old files have none of these. What else a program has put into a line stays there."""
+    old files have none of these. `order` is the SHA-256 of the file that put episodes into an order, `blind` what the
+    policy was called there. What else a program has put into a line stays there."""
 
     format: Literal["scenegen/outcomes"] = "scenegen/outcomes"
     version: Literal[1] = 1
@@ -43,6 +45,8 @@ class OutcomesHeader(FileModel, extra="allow"):
     steps: int | None = Field(default=None, exclude_if=not_)
     timeout: float | None = Field(default=None, exclude_if=not_)
     versions: dict[str, str] | None = Field(default=None, exclude_if=not_)
+    order: Sha256 | None = Field(default=None, exclude_if=not_)
+    blind: Letter | None = Field(default=None, exclude_if=not_)
 
 
 def dump_with_digest(model: BaseModel) -> bytes:

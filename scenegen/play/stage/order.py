@@ -7,6 +7,7 @@ fetched or put away. The shortest such walk through all is that of a travelling 
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
@@ -16,8 +17,11 @@ from scenegen.arrays import Array, Index
 from scenegen.errors import DataError
 from scenegen.errors.files import NOT_SCENES
 from scenegen.errors.worlds import NOT_A_SUITE
+from scenegen.learn.success.files import Letter
 from scenegen.play.stage.stage import TableStage
+from scenegen.play.suites.outcomes import LETTERS, EpisodeOrder
 from scenegen.play.suites.suite import GradedStart, Suite
+from scenegen.scenes.files import read_bytes
 from scenegen.scenes.formats.tables import read_table
 
 FETCH_DISTANCE = 0.3  # metres: to fetch a thing or to put it away
@@ -48,20 +52,44 @@ def write_order(suite: Suite, starts: Sequence[GradedStart], pairs: bool) -> tup
     trials, letters = ["trial,episode,task,band"], ["trial,policy"]
     for start in starts:
         for which in rng.permutation(2) if pairs else [0]:
-            letters.append(f"{len(trials)},{'AB'[which]}")
+            letters.append(f"{len(trials)},{LETTERS[which]}")
             trials.append(f'{len(trials)},{start.number},"{start.task.name}","{start.band}"')
     return "\n".join([*trials, ""]).encode(), "\n".join([*letters, ""]).encode()
 
 
-def read_order(path: Path, suite: Suite, allowed: Collection[int]) -> list[int]:
-    """The episodes of such a table that are allowed, each once, in its order. Raises DataError."""
+def key_of(path: Path) -> Path:
+    """Where the letters of the trials in a table are."""
+    return path.with_name(f"{path.stem}.key.csv")
+
+
+def read_order(path: Path, suite: Suite, allowed: Collection[int], blind: Letter | None = None) -> EpisodeOrder:
+    """The episodes of such a table that are allowed, each once, in its order: its first trial, or the one of the policy
+    that is called `blind`. Raises DataError."""
+    what, file = f"an order of the suite {suite.name}", read_bytes(path, "an order of episodes")
     table = read_table(path, "an order of episodes", NOT_SCENES)
-    found = dict.fromkeys(int(one) for one in table.column("episode"))
-    beyond = [number for number in found if not 0 <= number < len(suite)]
+    episodes = [int(one) for one in table.column("episode")]
+    beyond = [number for number in episodes if not 0 <= number < len(suite)]
     if beyond:
         reason = f"it has episode {beyond[0]}, and the suite has {len(suite):,}"
-        raise DataError(NOT_A_SUITE(file=path, what=f"an order of the suite {suite.name}", reason=reason))
-    return [number for number in found if number in allowed]
+        raise DataError(NOT_A_SUITE(file=path, what=what, reason=reason))
+    letters = _read_letters(key_of(path), len(episodes)) if blind else []
+    trials: dict[int, int] = {}
+    for place, number in enumerate(episodes):
+        if number in allowed and (not blind or letters[place] == blind):
+            trials.setdefault(number, place + 1)
+    if not trials:
+        raise DataError(NOT_A_SUITE(file=path, what=what, reason="it has none of these episodes"))
+    return EpisodeOrder(trials, hashlib.sha256(file).hexdigest(), blind)
+
+
+def _read_letters(path: Path, count: int) -> list[str]:
+    """The letters of so many trials. Raises DataError."""
+    table = read_table(path, "the key of an order", NOT_SCENES)
+    letters = [str(one).strip() for one in table.cells("policy")] if "policy" in table.names else []
+    if len(letters) != count or not set(letters) <= {*LETTERS}:
+        reason = f"it has not the letters of {count:,} trials, A or B"
+        raise DataError(NOT_A_SUITE(file=path, what="the key of this order", reason=reason))
+    return letters
 
 
 def _travel(suite: Suite, starts: Sequence[GradedStart]) -> Array:

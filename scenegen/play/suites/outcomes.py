@@ -20,11 +20,12 @@ from pydantic_core import from_json
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import OTHER_REQUEST
 from scenegen.errors.worlds import NOT_A_SUITE
-from scenegen.learn.success.files import FileModel, OutcomesHeader, load_model
+from scenegen.learn.success.files import FileModel, Letter, OutcomesHeader, load_model
 from scenegen.learn.success.statistics import PairedDifference
 from scenegen.play.suites.suite import Suite
 from scenegen.scenes.files import read_bytes
 
+LETTERS: tuple[Letter, Letter] = ("A", "B")
 RUN_FIELDS = ("steps", "timeout", "world", "versions")  # what should not differ between runs that are compared
 
 
@@ -36,16 +37,28 @@ class SceneThatStood(FileModel):
 
 
 class EpisodeOutcome(FileModel, extra="allow"):
-    """Another line: `error` says why an episode counts as a failure that was none of the world's judgement, `scene`
-    what stood there, where the world says that it was another scene than the start."""
+    """Another line: `steps` are None where a harness does not say them; `error` says why an episode counts as a failure
+    that was none of the world's judgement, `scene` what stood there, where the world says that it was another scene
+    than the start, `trial` which one it was in the order of episodes, from 1 on."""
 
     episode: Annotated[int, Field(ge=0)]
     task: str
     band: str
     success: bool
-    steps: Annotated[int, Field(ge=0)]
+    steps: Annotated[int, Field(ge=0)] | None
     error: str | None = None
     scene: SceneThatStood | None = Field(default=None, exclude_if=not_)
+    trial: Annotated[int, Field(ge=1)] | None = Field(default=None, exclude_if=not_)
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeOrder:
+    """The trial of each episode, in this order; `digest` is the SHA-256 of the file that says so. In an order of pairs
+    `blind` is what the policy is called."""
+
+    trials: dict[int, int]
+    digest: str
+    blind: Letter | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +127,24 @@ def compare_outcomes(one: SuiteOutcomes, other: SuiteOutcomes) -> PairedDifferen
     both = first.keys() & second.keys()
     alone = sum(first[k] and not second[k] for k in both), sum(second[k] and not first[k] for k in both)
     return PairedDifference(*alone, len(both))
+
+
+def blind_pairs(one: SuiteOutcomes, other: SuiteOutcomes) -> PairedDifference | None:
+    """Of two policies, A and B of one order of pairs, the starts that both had back to back: how many were solved by
+    the first trial alone and by the second alone, whoever had which. None for others."""
+    if one.header.order is None or one.header.order != other.header.order:
+        return None
+    if {one.header.blind, other.header.blind} != {*LETTERS}:
+        return None
+    second = {each.episode: each for each in other.episodes}
+    both = [(each, second[each.episode]) for each in one.episodes if each.episode in second]
+    pairs = [
+        (a.success, b.success) if a.trial < b.trial else (b.success, a.success)
+        for a, b in both
+        if a.trial is not None and b.trial is not None and abs(a.trial - b.trial) == 1
+    ]
+    alone = sum(a and not b for a, b in pairs), sum(b and not a for a, b in pairs)
+    return PairedDifference(*alone, len(pairs))
 
 
 def check_same_run(path: Path, found: OutcomesHeader, wanted: OutcomesHeader) -> None:

@@ -22,6 +22,7 @@ from scenegen.play.suites.outcomes import (
     RUN_FIELDS,
     EpisodeOutcome,
     SuiteOutcomes,
+    blind_pairs,
     check_outcomes,
     compare_outcomes,
     differences,
@@ -70,7 +71,7 @@ def report_suite(
     played = [(one, suites[one.header.reverse]) for one in read]
     title = f"Suite {suite.name}"
     about = f"{len(suite):,} starts: {len(suite.tasks)} tasks, {suite.n} of each band. Digest {suite.digest}."
-    tables = [*_shares(played), *_scenes_by_hand(played), *_differences(read), *_errors(read)]
+    tables = [*_shares(played), *_scenes_by_hand(played), *_differences(read), *_blind(read), *_errors(read)]
     if out.suffix == ".md":
         write_whole(out, "\n".join([f"# {title}", "", about, *map(_markdown, tables)]).encode())
         return out
@@ -205,12 +206,27 @@ def _differences(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
     return [ReportTable("Paired differences", note, head, rows)] if rows else []
 
 
+def _blind(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
+    rows = []
+    for one, other in combinations(read, 2):
+        found = blind_pairs(one, other)
+        if found is not None:
+            names = f"{one.name} as {one.header.blind}, {other.name} as {other.header.blind}"
+            rows.append((names, f"{found.n}", f"{found.first} and {found.second}", f"{found.p:.2g}"))
+    head = ("", "back to back", "first, second trial alone succeeds", "p")
+    note = (
+        "Two policies on the same start in succession, by letters, in an order drawn by lot. A small p (McNemar's exact"
+        " test) says that which trial came first made a difference, whichever policy it was."
+    )
+    return [ReportTable("Blind pairs", note, head, rows)] if rows else []
+
+
 def _errors(read: Sequence[SuiteOutcomes]) -> list[ReportTable]:
     rows = []
     for one in read:
         each = Counter(episode.error for episode in one.episodes if episode.error is not None)
         rows += [(one.name, f"{many}", said) for said, many in each.most_common(3)]
-        at_once = sum(episode.success and not episode.steps for episode in one.episodes)
+        at_once = sum(episode.success and episode.steps == 0 for episode in one.episodes)
         rows += [(one.name, f"{at_once}", "solved at once: the world judges the start a success")] if at_once else []
     note = "Episodes that ended by an error count as failures."
     return [ReportTable("Errors", note, ("", "episodes", "what"), rows)] if rows else []

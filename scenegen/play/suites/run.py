@@ -25,7 +25,7 @@ from urllib.parse import urlsplit
 from scenegen.errors import DataError, RequestError, ScenegenError
 from scenegen.errors.files import UNFINISHED_RUN
 from scenegen.errors.program import PROCESS_DIED
-from scenegen.errors.requests import UNKNOWN_CHOICE
+from scenegen.errors.requests import OUT_OF_PLACE, UNKNOWN_CHOICE
 from scenegen.errors.worlds import NOT_A_SUITE, WORLD_FAILS
 from scenegen.learn.success.files import Instruction, OutcomesHeader
 from scenegen.learn.success.statistics import decided_after
@@ -33,6 +33,7 @@ from scenegen.play.policy_server import decode, encode
 from scenegen.play.suites.episodes import TaskEpisodes, check_steps, error_line, explain_failure
 from scenegen.play.suites.loading import check_name, load_named, versions_of
 from scenegen.play.suites.outcomes import (
+    EpisodeOrder,
     EpisodeOutcome,
     SceneThatStood,
     check_same_run,
@@ -61,7 +62,7 @@ def run_suite(
     policy: str,
     instruction: Instruction = "own",
     episodes: Sequence[int] | None = None,
-    in_order: bool = False,
+    order: EpisodeOrder | None = None,
     resume: bool = False,
     steps: int = 1000,
     timeout: float = 600.0,
@@ -74,27 +75,32 @@ def run_suite(
     `world` names a function of a task that returns an environment, `policy` a function of observation and instruction,
     a class, or a function of `env`, that makes one: "module:name" or "file.py:name", or a name such as "table" (see
     loading.py); a policy may also be the URL of a server (scenegen/play/policy_server.py). An episode ends where the
-    environment says so, at success, or after so many steps; `in_order` they begin as `episodes` has them, and not task
-    by task. `timeout`, in seconds, kills one that hangs. `resume` goes
-    on with a file. `against` is the file of outcomes of another policy: of the starts in it as many are run, in an
-    order drawn by lot, as show which of the two is better (`PairedDifference.is_decided`). Raises RequestError,
-    DataError, OutputError, and ScenegenError where world or policy cannot be had at all.
+    environment says so, at success, or after so many steps. They begin task by task, or as `order` has them, which
+    takes the place of `episodes`. `timeout`, in seconds, kills one that hangs. `resume` goes on with a file. `against`
+    is the file of outcomes of another policy: of the starts in it as many are run, in an order drawn by lot, as show
+    which of the two is better (`PairedDifference.is_decided`). Raises RequestError, DataError, OutputError, and
+    ScenegenError where world or policy cannot be had at all.
     """
     out, timeout, steps = as_path("out", out), as_seconds("timeout", timeout), check_steps(steps)
     if instruction not in get_args(Instruction):
         raise RequestError(UNKNOWN_CHOICE(what="instruction", name=instruction, known=get_args(Instruction)))
     check_name("world", world)
     check_name("policy", policy)
+    if order is not None and against is not None:
+        rule, remedy = "is an order drawn by lot, which the test needs", "leave the order of yours out"
+        raise RequestError(OUT_OF_PLACE(argument="against", rule=rule, remedy=remedy))
     numbers = list(episodes or range(len(suite)))
-    if against is None:
-        other = None
-        order = numbers if in_order else sorted(numbers, key=lambda number: suite.tasks.index(suite[number].task))
+    other = None if against is None else _outcomes_to_compare(as_path("against", against), suite, numbers)
+    if other is not None:
+        turns = shuffle_episodes(suite.digest, other.keys() & numbers)
+    elif order is not None:
+        turns = list(order.trials)
     else:
-        other = _outcomes_to_compare(as_path("against", against), suite, numbers)
-        order = shuffle_episodes(suite.digest, other.keys() & numbers)
+        turns = sorted(numbers, key=lambda number: suite.tasks.index(suite[number].task))
     header = OutcomesHeader(
         suite=suite.name, digest=suite.digest, world=world, policy=policy, instruction=instruction,
         reverse=suite.reverse, episodes=len(suite), steps=steps, timeout=timeout, versions=versions_of(world),
+        order=None if order is None else order.digest, blind=None if order is None else order.blind,
     )  # fmt: skip
     check_writable(out)
     whole = target(out)
@@ -106,11 +112,11 @@ def run_suite(
             check_same_run(out, before.header, header)
             header, found = before.header, list(before.episodes)
         success = {one.episode: one.success for one in found}
-        todo = deque(number for number in order if number not in success)
+        todo = deque(number for number in turns if number not in success)
         count = len(todo)
 
         def is_decided() -> bool:
-            return other is not None and decided_after(order, success, other) is not None
+            return other is not None and decided_after(turns, success, other) is not None
 
         write_whole(out, dump_outcomes(header, found))
         job = Player(suite.folder, suite.reverse, world, policy, instruction == "empty", steps, timeout / 2.0)
@@ -120,6 +126,8 @@ def run_suite(
         outcomes = playing if other is None else _in_order(playing, [*todo])
         with report_write_errors(out), out.open("ab") as file, contextlib.closing(playing):
             for done, outcome in enumerate(outcomes, 1):
+                if order is not None:
+                    outcome = outcome.model_copy(update={"trial": order.trials[outcome.episode]})
                 file.write(dump_line(outcome))
                 file.flush()
                 found.append(outcome)
@@ -215,8 +223,10 @@ def _play_all(
 def _outcome(
     start: GradedStart, success: bool, steps: int, error: str | None = None, scene: SceneThatStood | None = None
 ) -> EpisodeOutcome:
-    names = {"task": start.task.name, "band": start.band}
-    return EpisodeOutcome(episode=start.number, **names, success=success, steps=steps, error=error, scene=scene)
+    return EpisodeOutcome(
+        episode=start.number, task=start.task.name, band=start.band, success=success, steps=steps, error=error,
+        scene=scene,
+    )  # fmt: skip
 
 
 @dataclass(slots=True)

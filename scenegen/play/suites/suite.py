@@ -123,10 +123,10 @@ class SuiteTask:
         band = self.bands[which]
         phi = {label: float(values[row]) for label, values in self.scenes.phi.items()}
         on = None if self.scenes.on is None else self.scenes.on[row]
+        poses = self.poses[row].copy()  # worlds move things in it
         return GradedStart(
-            number, self, band.name, self.poses[row], phi, band.log10p[place], band.probability, band.seeds[place],
-            row, on,
-        )  # fmt: skip
+            number, self, band.name, poses, phi, band.log10p[place], band.probability, band.seeds[place], row, on
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scenegen.errors import DataError
-from scenegen.play.stage.order import order_starts, read_order, travel_of, write_order
+from scenegen.play.stage.order import key_of, order_starts, read_order, travel_of, write_order
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,13 @@ def test_pairs_are_back_to_back_and_drawn_by_lot(suite, ordered, tmp_path):
     assert 70 < key[::2].count("A") < 130 and b"A" not in trials.splitlines()[1][:4]
     path = tmp_path / "o.csv"
     path.write_bytes(trials)
-    assert read_order(path, suite, range(100)) == [one.number for one in ordered if one.number < 100]
+    assert list(read_order(path, suite, range(100)).trials) == [one.number for one in ordered if one.number < 100]
+    key_of(path).write_bytes(letters)
+    of = {letter: read_order(path, suite, range(2500), letter) for letter in "AB"}
+    for number, (a, b) in {number: (of["A"].trials[number], of["B"].trials[number]) for number in range(200)}.items():
+        assert abs(a - b) == 1 and {rows[a - 1][1], rows[b - 1][1]} == {str(number)}
+        assert (key[a - 1], key[b - 1]) == ("A", "B")
+    assert of["A"].digest == of["B"].digest and list(of["A"].trials) == [one.number for one in ordered]
 
 
 def test_an_order_of_another_suite(suite, tmp_path):
@@ -47,3 +53,12 @@ def test_an_order_of_another_suite(suite, tmp_path):
     with pytest.raises(DataError) as caught:
         read_order(path, suite, range(2500))
     assert caught.value.diagnostics[0].kind.code == "not-a-suite"
+
+
+@pytest.mark.parametrize("key", ["trial,policy\n1,A\n", "trial,policy\n1,A\n2,C\n", "trial,letter\n1,A\n2,B\n"])
+def test_a_key_of_another_order(suite, tmp_path, key):
+    path = tmp_path / "o.csv"
+    path.write_text("trial,episode\n1,7\n2,7\n")
+    key_of(path).write_text(key)
+    with pytest.raises(DataError, match="letters of 2 trials"):
+        read_order(path, suite, range(2500), "A")

@@ -2,8 +2,10 @@
 
 Non-obvious behaviors:
 
-* Task t of the suite is `envs[suite][t]`, with the task's name in `envs[suite][t].call("task")`. Start i of a task is
+* Task t of the suite is `envs[group][t]`, with the task's name in `envs[group][t].call("task")`. Start i of a task is
   start `suite.numbers(task)[i]` of the suite; `info["start"]` has that number.
+* The group is called by the suite and its digest (`group_name`), since it is all that LeRobot's results keep of an
+  environment: `scenegen suite report SUITE eval_info.json` knows by it whose starts they are.
 * `reset()` begins the n starts after those that the last `reset()` began, one in each of n environments. Starts that
   the automatic resets in between have begun do not count: LeRobot's loop goes on stepping environments that are done
   until the last one is, and throws away what comes of that, so counting them would skip starts.
@@ -31,6 +33,7 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv, Vecto
 from scenegen.errors import RequestError
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE
 from scenegen.play.suites.episodes import TaskEpisodes, check_steps
+from scenegen.play.suites.harnesses.groups import group_name
 from scenegen.play.suites.harnesses.observations import action_box, split_observation
 from scenegen.play.suites.suite import SUITE_JSON, GradedStart, Suite, SuiteTask
 from scenegen.validation import as_int
@@ -50,7 +53,7 @@ def make_suite_envs(
     steps: int = 1000,
     reverse: bool = False,
 ) -> dict[str, dict[int, VectorEnv[Any, Any, Any]]]:
-    """Vector environments of every task of the suite in a folder, or of the task `cfg.task`, by the name of the suite
+    """Vector environments of every task of the suite in a folder, or of the task `cfg.task`, by the suite's group
     and the task's place in it. Raises DataError for what is no suite, RequestError and ScenegenError."""
     folder = Path(folder)
     if not (folder / SUITE_JSON).exists():
@@ -73,7 +76,7 @@ def make_suite_envs(
         for one in found.values():
             one.close()
         raise
-    return {suite.name: found}
+    return {group_name(suite): found}
 
 
 class SuiteEnv(gymnasium.Env[Observed, npt.NDArray[Any]]):

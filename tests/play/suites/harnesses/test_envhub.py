@@ -7,6 +7,7 @@ import pytest
 from scenegen.errors import DataError, OutputError, RequestError, ScenegenError
 from scenegen.errors.worlds import WORLD_FAILS
 from scenegen.play.suites.harnesses.envhub import write_envhub
+from scenegen.play.suites.harnesses.groups import group_name
 from scenegen.play.suites.suite import Suite
 
 from . import worlds
@@ -33,9 +34,9 @@ def test_env_py_makes_the_environments(small, tmp_path, reverse):
     spec = importlib.util.spec_from_file_location("hub_env_me_graded", tmp_path / "hub" / "env.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    envs = module.make_env(n_envs=2, use_async_envs=False)["small"][0]
-    assert envs.call("_max_episode_steps") == (7, 7)
     suite = Suite.load(small, reverse=reverse)
+    envs = module.make_env(n_envs=2, use_async_envs=False)[group_name(suite)][0]
+    assert envs.call("_max_episode_steps") == (7, 7)
     seen = envs.reset()[0]["environment_state"]
     assert [row.tobytes() for row in seen] == [suite[k].poses.tobytes() for k in range(2)]
 

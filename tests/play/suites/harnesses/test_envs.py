@@ -5,7 +5,9 @@ import pytest
 
 from scenegen.errors import DataError, RequestError, ScenegenError
 from scenegen.errors.worlds import NOT_A_SUITE, WORLD_FAILS
+from scenegen.play.suites.harnesses.groups import group_name
 from scenegen.play.suites.harnesses.lerobot import make_suite_envs
+from scenegen.play.suites.run import Player
 from scenegen.play.suites.suite import Suite
 
 from . import worlds
@@ -15,8 +17,9 @@ WORLD = f"{worlds.__name__}:Forgetful"
 
 def envs_of(folder, n=3, world=WORLD, **given):
     found = make_suite_envs(folder, world, n, **given)
-    assert list(found) == ["small"] and list(found["small"]) == [0]
-    return found["small"][0]
+    group = group_name(Suite.load(folder, reverse=given.get("reverse", False)))
+    assert list(found) == [group] and list(found[group]) == [0]
+    return found[group][0]
 
 
 def poses_of(observation):
@@ -75,6 +78,44 @@ def test_automatic_resets_skip_and_repeat_no_start(small, poses, n):
             assert info["final_info"]["start"][k] == begun[k][-2][0]
     for k, found in enumerate(begun):
         assert len(found) > 6 and found == [(i % 6, poses[i % 6]) for i in range(k, k + n * len(found), n)]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_any_order_of_calls(small, poses, seed):
+    """Several vector environments in one process, and episodes of `suite run` between: resets in order, by number, with
+    seeds and masks, and steps until whatever moment; what begins is always the start that `info` names."""
+    rng, suite = np.random.default_rng(seed), Suite.load(small)
+    vectors = [envs_of(small, n) for n in (1, 3, 2)]
+    player = Player(small, False, WORLD, f"{worlds.__name__}:still", False, 5)
+    for envs in vectors:
+        envs.reset()
+    for _ in range(150):
+        envs = vectors[rng.integers(3)]
+        how = rng.integers(7)
+        begun = np.ones(envs.num_envs, dtype=bool)
+        if how == 0:
+            observation, info = envs.reset(seed=int(rng.integers(5)))
+        elif how == 1:
+            observation, info = envs.reset(options={"start": int(rng.integers(6))})
+        elif how == 2:
+            observation, info = envs.reset()
+        elif how == 3:
+            begun[rng.integers(envs.num_envs)] = rng.random() < 0.5
+            begun[0] |= not begun.any()
+            observation, info = envs.reset(options={"reset_mask": begun.copy()})
+        elif how == 4:
+            worlds.begun.clear()
+            number = int(rng.integers(6))
+            assert player(number).episode == number and worlds.begun == [(number, poses[number])]
+            continue
+        else:
+            stops = rng.random((envs.num_envs, 1)) < 0.3
+            actions = np.hstack([rng.uniform(-1.0, 1.0, (envs.num_envs, 2)), stops]).astype(np.float32)
+            observation, _, terminated, truncated, info = envs.step(actions)
+            begun = terminated | truncated
+        for k in np.flatnonzero(begun):
+            assert poses_of(observation)[k] == poses[info["start"][k]], how
+    assert [start.poses.tobytes() for start in suite] == poses
 
 
 def test_a_start_that_is_asked_for(small, poses):

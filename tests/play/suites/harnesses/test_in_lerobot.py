@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 
 from scenegen.play.suites.harnesses.envhub import write_envhub
+from scenegen.play.suites.harnesses.groups import group_name
+from scenegen.play.suites.harnesses.results import read_results
+from scenegen.play.suites.report import report_suite
 from scenegen.play.suites.suite import Suite
 
 from . import worlds
@@ -115,16 +118,17 @@ def evaluate(lerobot, envs, policy, n, seed=1000, **more):
 def test_every_start_is_evaluated_once_in_order(lerobot, stopping, small, n):
     """What the loop evaluates, episode i of a task, began with start i: poses are those of the suite bit for bit."""
     envs = lerobot.make(n_envs=n)
-    assert {name: list(some) for name, some in envs.items()} == {"small": [0]}
     begun, suite = [], Suite.load(small)
-    reset = envs["small"][0].reset
+    group = group_name(suite)
+    assert {name: list(some) for name, some in envs.items()} == {group: [0]}
+    reset = envs[group][0].reset
 
     def note(**given):
         observation, info = reset(**given)
         begun.extend(zip(info["start"].tolist(), observation["environment_state"].copy(), strict=True))
         return observation, info
 
-    envs["small"][0].reset = note
+    envs[group][0].reset = note
     for seed in (1000, 1000, None if n == 1 else 7):  # LeRobot 0.4.4 wants seeds of several environments
         begun.clear()
         found = evaluate(lerobot, envs, stopping, 6, seed)
@@ -138,7 +142,7 @@ def test_every_start_is_evaluated_once_in_order(lerobot, stopping, small, n):
 def test_the_hubs_files_are_those_of_the_suite(lerobot):
     lerobot.make()
     snapshot = lerobot.cache / "models--me--graded" / "snapshots" / COMMIT
-    assert sorted(one.name for one in snapshot.iterdir()) == [
+    assert sorted(one.name for one in snapshot.iterdir() if one.name != "__pycache__") == [
         "beside.json",
         "beside.reverse.json",
         "env.py",
@@ -146,9 +150,49 @@ def test_the_hubs_files_are_those_of_the_suite(lerobot):
     ]
 
 
-def test_success_and_videos_are_lerobots(lerobot, stopping, tmp_path):
+def test_success_and_videos_are_lerobots(lerobot, stopping, small, tmp_path):
     envs = lerobot.make(n_envs=2)
     stopping.select_action = lambda batch: -20.0 * batch["observation.environment_state"][:, :3]
     found = evaluate(lerobot, envs, stopping, 4, max_episodes_rendered=2, videos_dir=tmp_path)
     assert found["overall"]["pc_success"] == 100.0
-    assert sorted(one.name for one in (tmp_path / "small_0").iterdir()) == ["eval_episode_0.mp4", "eval_episode_1.mp4"]
+    videos = tmp_path / f"{group_name(Suite.load(small))}_0"
+    assert sorted(one.name for one in videos.iterdir()) == ["eval_episode_0.mp4", "eval_episode_1.mp4"]
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_what_lerobot_writes_are_our_outcomes(lerobot, stopping, small, tmp_path, n):
+    """Success of start i is that of the episode that began there, also where the last environments are left over."""
+    suite, envs, ended = Suite.load(small), lerobot.make(n_envs=n), {}
+    vector = envs[group_name(suite)][0]
+    reset, step = vector.reset, vector.step
+    playing = {}  # by environment, the start of its last reset, until that has ended
+
+    def note_reset(**given):
+        observation, info = reset(**given)
+        playing.update(enumerate(info["start"].tolist()))
+        return observation, info
+
+    def note_step(actions):
+        *found, terminated, truncated, info = step(actions)
+        for k in np.flatnonzero(terminated | truncated):
+            if k in playing:  # what begins by itself then is thrown away
+                ended.setdefault(playing.pop(k), bool(info["final_info"]["is_success"][k]))
+        return *found, terminated, truncated, info
+
+    vector.reset, vector.step = note_reset, note_step
+    push = stopping.select_action
+    stopping.select_action = lambda batch: (
+        -20.0 * batch["observation.environment_state"][:, :3]
+        if len(stopping.seen) % 2 and not stopping.fresh
+        else push(batch)
+    )
+    for episodes in (6, 5):
+        ended.clear()
+        found = evaluate(lerobot, envs, stopping, episodes)
+        file = tmp_path / "mine" / "eval_info.json"
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(json.dumps(found, indent=2))  # as lerobot-eval does
+        read = read_results(file, suite)
+        assert {one.episode: one.success for one in read.episodes} == {start: ended[start] for start in range(episodes)}
+        assert read.header.policy == "mine"
+    assert "mine" in report_suite(small, [file], tmp_path / "report.md").read_text()

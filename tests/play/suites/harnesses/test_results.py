@@ -7,7 +7,10 @@ import pytest
 
 from scenegen.errors import DataError
 from scenegen.errors.worlds import NOT_A_SUITE
+from scenegen.play.suites.harnesses.groups import group_name
 from scenegen.play.suites.harnesses.results import read_results
+from scenegen.play.suites.outcomes import dump_outcomes, read_outcomes
+from scenegen.play.suites.report import report_suite
 from scenegen.play.suites.suite import Suite
 
 
@@ -49,6 +52,18 @@ def robots(suite):
     return {"version": 1, "eval": {**spec, "inspect_robots_version": "0.60.0"}, "samples": scenes}
 
 
+@pytest.fixture
+def lerobot(suite):
+    """What LeRobot 0.4.4 writes: successes of a task in the order of its starts."""
+    metrics = {"sum_rewards": [0.0, 1.0, 0.0, 1.0], "max_rewards": [0.0, 1.0, 0.0, 1.0], "video_paths": []}
+    task = {
+        "task_group": group_name(suite),
+        "task_id": 0,
+        "metrics": {**metrics, "successes": [False, True, False, True]},
+    }
+    return {"per_task": [task], "per_group": {}, "overall": {"n_episodes": 4}}
+
+
 def read(tmp_path, data, suite):
     (tmp_path / "results.json").write_text(data if isinstance(data, str) else json.dumps(data))
     return read_results(tmp_path / "results.json", suite)
@@ -76,6 +91,55 @@ def test_logs_of_inspect_robots(tmp_path, robots, suite):
         (3, True, 5, None),
     ]
     assert (found.header.world, found.header.policy, found.header.steps) == ("table", "mine", 20)
+
+
+def test_results_of_lerobot(tmp_path, lerobot, suite, small):
+    """They name the suite by its group; steps, world and policy are not in them."""
+    found = read(tmp_path, lerobot, suite)
+    assert [(one.episode, one.success, one.steps, one.error) for one in found.episodes] == [
+        (0, False, None, None),
+        (1, True, None, None),
+        (2, False, None, None),
+        (3, True, None, None),
+    ]
+    assert [one.band for one in found.episodes] == [suite[number].band for number in range(4)]
+    header = found.header
+    assert (header.digest, header.policy, header.steps, header.versions) == (suite.digest, tmp_path.name, None, None)
+    back = Suite.load(small, reverse=True)
+    lerobot["per_task"][0]["task_group"] = group_name(back)
+    assert read(tmp_path, lerobot, suite).header.reverse
+    report = report_suite(small, [tmp_path / "results.json"], tmp_path / "report.md").read_text()
+    assert "2 of 4" in report and "solved at once" not in report
+
+
+def test_outcomes_without_steps_come_back(tmp_path, lerobot, suite):
+    found = read(tmp_path, lerobot, suite)
+    (tmp_path / "o.jsonl").write_bytes(dump_outcomes(found.header, found.episodes))
+    assert read_outcomes(tmp_path / "o.jsonl", suite).episodes == found.episodes
+
+
+@pytest.mark.parametrize(
+    "path, to, reason",
+    [
+        (("task_group",), "small", "no suite"),
+        (("task_group",), "small-000000000000", "000000000000"),
+        (("task_id",), 1, "no such start"),
+        (("task_id",), -1, "task_id"),
+        (("metrics", "successes"), [True] * 7, "episode 6"),
+        (("metrics", "successes"), [0.5], "successes"),
+    ],
+)
+def test_wrong_results_of_lerobot(tmp_path, lerobot, suite, path, to, reason):
+    with pytest.raises(DataError, match=reason) as caught:
+        read(tmp_path, changed(lerobot, "per_task", 0, *path, to=to), suite)
+    assert [one.kind for one in caught.value.diagnostics] == [NOT_A_SUITE]
+
+
+def test_results_of_two_suites_at_once(tmp_path, lerobot, suite):
+    """Their tasks have the same numbers."""
+    lerobot["per_task"].append({**lerobot["per_task"][0], "task_group": "libero_object"})
+    with pytest.raises(DataError, match="libero_object"):
+        read(tmp_path, lerobot, suite)
 
 
 def test_results_of_reversed_tasks(tmp_path, vla, suite):

@@ -1,5 +1,5 @@
-"""A world that remembers what it should not: how often it was reset, what was drawn, where objects were left. And a
-policy that stops at random moments."""
+"""A world that remembers what it should not: how often it was reset, what was drawn, where objects were left; and that
+moves objects in the very array that the start came in. And a policy that stops at random moments."""
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -19,7 +19,7 @@ class Forgetful:
 
     def reset(self, *, seed, options):
         self.rng = np.random.default_rng(seed)
-        self.poses[:] = options["start"].poses
+        self.poses = options["start"].poses
         begun.append((options["start"].number, self.poses.tobytes()))
         return self.seen(), {"success": False}
 
@@ -57,3 +57,7 @@ def stops(seed):
     rng = np.random.default_rng(seed)
     while True:
         yield np.array([*rng.uniform(-1.0, 1.0, 2), float(rng.random() < 0.2)], dtype=np.float32)
+
+
+def still(observation, instruction):
+    return np.zeros(3)

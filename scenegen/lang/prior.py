@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from scenegen.lang.formula.core import Node
-    from scenegen.lang.spec import Pose, Region
+    from scenegen.lang.region import Pose, Region
 
 
 @dataclass(frozen=True, slots=True)

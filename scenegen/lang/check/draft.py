@@ -10,11 +10,11 @@ from scenegen.geometry.workspace import Workspace
 from scenegen.lang.check.families import Category, Variants
 from scenegen.lang.check.imports import Project, SourcedStatement
 from scenegen.lang.check.lowering import Lowering
-from scenegen.lang.check.priors import PriorStatement
 from scenegen.lang.check.scope import LABEL, DeclaredObject, Scope
 from scenegen.lang.formula.builder import TRUE
 from scenegen.lang.formula.core import Core
 from scenegen.lang.formula.timed import Movers, Timed
+from scenegen.lang.prior import Prior
 from scenegen.lang.spec import Pose
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import MOST_ERRORS
@@ -48,6 +48,17 @@ class Problems(list[Diagnostic]):
             return (False, "", 0) if span is None else (span.source is not main, span.source.name, span.start)
 
         return SpecError(*sorted(dict.fromkeys(self), key=place)[:MOST_ERRORS])
+
+
+@dataclass(frozen=True, slots=True)
+class PriorStatement:
+    """A `usually` statement: what it means, and what canonical text has in its place; nothing where the things that it
+    names are not there. `relative` are the objects that its middles depend on."""
+
+    span: Span
+    prior: Prior | None
+    written: tuple[ast.Usually, ...]
+    relative: frozenset[int] = frozenset()
 
 
 @dataclass(slots=True)

@@ -22,6 +22,7 @@ from scenegen.errors.priors import (
 from scenegen.geometry import MATH, PRIMITIVES
 from scenegen.geometry.footprint import Box
 from scenegen.geometry.primitives import ANGLE, BARE, LENGTH, Unit
+from scenegen.lang.check.draft import PriorStatement
 from scenegen.lang.check.names import bind
 from scenegen.lang.check.objects import written_call, written_number, written_pose
 from scenegen.lang.check.scope import Signature
@@ -53,17 +54,6 @@ SIGNATURES: Mapping[tuple[str, Part], Signature] = {
     (POSES, "place"): Signature(POSES, ("file", "reach", "turn"), 3, usage='poses("logs.csv", 1 cm, 5 deg)'),
 }
 DISTRIBUTIONS = tuple(dict.fromkeys(word for word, _ in SIGNATURES))
-
-
-@dataclass(frozen=True, slots=True)
-class PriorStatement:
-    """A `usually` statement: what it means, and what canonical text has in its place; nothing where the things that it
-    names are not there. `relative` are the objects that its middles depend on."""
-
-    span: Span
-    prior: Prior | None
-    written: tuple[ast.Usually, ...]
-    relative: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)

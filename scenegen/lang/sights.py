@@ -1,0 +1,122 @@
+"""What a scene shows of its cameras and robots, beside phi: the shares that are seen, and how hands fit.
+
+The numbers are those of formulas (`visibleShare`, `viewRoom`, `handRoom`), lowered by the checker into a core of their
+own, so a spec need not ask for them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+
+from scenegen.arrays import Array
+from scenegen.errors import Source
+from scenegen.geometry import NUMPY
+from scenegen.lang.check.lowering import Lowering
+from scenegen.lang.check.sight import room_of, share_of
+from scenegen.lang.checker import check_module
+from scenegen.lang.formula.core import Core
+from scenegen.lang.formula.interpret import evaluate
+from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.syntax.parse import parse
+
+MOST_HIDERS = 4_000  # pairs of objects over all cameras: beyond, only shares that formulas ask for are measured
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What a camera sees of an object in B scenes: the share of its silhouette, from 0 to 1, (B,), and whether all of
+    it is in the picture, (B,). `asked`: a formula is about this share."""
+
+    camera: str
+    thing: int
+    asked: bool
+    share: Array
+    within: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Grip:
+    """The open hand of a robot over an object in B scenes: of the yaws that formulas try, that with the most room, in
+    radians of the object's frame, (B,), and this room in metres, (B,)."""
+
+    thing: int
+    robot: int
+    yaw: Array
+    room: Array
+
+
+@dataclass(slots=True)
+class Sights:
+    """The numbers of a spec's scenes; made by `sights_of`."""
+
+    core: Core = field(default_factory=lambda: Core((), {}, ()))
+    shares: dict[tuple[int, str], bool] = field(default_factory=dict)  # object and camera: whether a formula asks
+    hands: tuple[tuple[int, int, float, float], ...] = ()  # object, robot, yaw, depth
+
+    def __call__(self, lowering: Lowering) -> None:
+        """Take what a lowering knows: its hook."""
+        things = [one for one, shape in enumerate(lowering.shapes) if shape.arm is None]
+        cameras = lowering.cameras
+        if len(things) * len(lowering.shapes) * len(cameras) <= MOST_HIDERS:
+            self.shares = {(thing, name): False for name in cameras for thing in things}
+        self.shares |= dict.fromkeys(lowering.seen, True)
+        labels: dict[str, int] = {}
+        for thing, name in list(self.shares):
+            share = share_of(lowering, thing, cameras[name])
+            if share is None:  # what things stand on allows too many cases
+                del self.shares[thing, name]
+                continue
+            labels[f"share {thing} {name}"] = share
+            labels[f"room {thing} {name}"] = room_of(lowering, thing, cameras[name])
+        self.hands = tuple(lowering.hands)
+        labels |= {f"hand {place}": number for place, number in enumerate(lowering.hands.values())}
+        self.core = lowering.builder.finish(labels)
+
+    def seen(self, rows: Array) -> list[Seen]:
+        """In scenes with the core's rows, (3M, B): by cameras, then by objects."""
+        values = self._values(rows)
+        return [
+            Seen(
+                name,
+                thing,
+                asked,
+                np.clip(values[f"share {thing} {name}"], 0.0, 1.0),
+                values[f"room {thing} {name}"] >= 0.0,
+            )
+            for (thing, name), asked in self.shares.items()
+        ]
+
+    def grips(self, rows: Array) -> list[Grip]:
+        """In scenes with the core's rows, (3M, B): one for each object, robot and depth of which formulas ask."""
+        values = self._values(rows)
+        tried: dict[tuple[int, int, float], list[tuple[float, Array]]] = {}
+        for place, (thing, robot, yaw, depth) in enumerate(self.hands):
+            tried.setdefault((thing, robot, depth), []).append((yaw, values[f"hand {place}"]))
+        found = []
+        for (thing, robot, _), some in tried.items():
+            rooms = np.stack([room for _, room in some])
+            best = rooms.argmax(axis=0)
+            found.append(Grip(thing, robot, np.array([yaw for yaw, _ in some])[best], rooms.max(axis=0)))
+        return found
+
+    def _values(self, rows: Array) -> dict[str, Array]:
+        values = evaluate(self.core, list(rows), NUMPY) if self.core.labels else []
+        return {name: np.broadcast_to(values[at], rows.shape[1]) for name, at in self.core.labels.items()}
+
+
+@lru_cache(maxsize=8)
+def _sights(source: str) -> Sights:
+    found = Sights()
+    check_module(parse(Source("the spec of the scenes", source)), hook=found)
+    return found
+
+
+def sights_of(spec: CheckedSpec) -> Sights | None:
+    """The sights of a spec without numbers to draw; None where it declares neither cameras nor robots, or time. Raises
+    SpecError where text of scenes is checked by another version."""
+    if spec.timed is not None or spec.counts or not (spec.cameras or any(shape.arm for shape in spec.shapes)):
+        return None
+    return _sights(spec.source)

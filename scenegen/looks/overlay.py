@@ -1,0 +1,81 @@
+"""What views from above show of robots and cameras: the ring that an arm reaches, the frame of a camera's picture on the
+table, and the hand over what it grasps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from scenegen.geometry.footprint import Point, Rectangle
+from scenegen.lang.check.arms import hand_boxes
+from scenegen.lang.spec import CheckedSpec, Pose, SpecCamera
+from scenegen.things.arms import Arm
+
+
+@dataclass(frozen=True, slots=True)
+class Ring:
+    """Where an arm's fingertips get to, in its frame: from `nearest` to `farthest` metres from the first axis, at the
+    bearings between these two, in radians; None: at all."""
+
+    nearest: float
+    farthest: float
+    bearing: tuple[float, float] | None
+
+
+def ring_of(arm: Arm, foot: float = 0.0) -> Ring:
+    """The ring at the table, or as near to that as the hand gets, of an arm that stands `foot` metres above it."""
+    height = min(max(-foot, arm.heights[0]), arm.heights[-1])
+    return Ring(*arm.reach_at(height), None if arm.turns_freely else arm.bearing)
+
+
+@dataclass(frozen=True, slots=True)
+class CameraFrame:
+    """What a camera pictures of the table's plane, seen from above: the corners, counter-clockwise, none where it
+    pictures nothing near the view; and its eye and level heading. An eye that is `outside` is shown where the view
+    ends."""
+
+    name: str
+    corners: tuple[Point, ...]
+    eye: Pose
+    outside: bool
+
+
+BEYOND = 1.0  # sizes of the view on each side: what is pictured further away, up to the horizon, is cut off there
+
+
+def frame_of(camera: SpecCamera, view: Rectangle) -> CameraFrame:
+    """The frame of a camera in a view from (x, y) to (x, y)."""
+    (left, low, right, high), (x, y, _) = view, camera.eye
+    wide, deep = BEYOND * (right - left), BEYOND * (high - low)
+    corners: list[Point] = [
+        (left - wide, low - deep),
+        (right + wide, low - deep),
+        (right + wide, high + deep),
+        (left - wide, high + deep),
+    ]
+    for way in camera.sides:
+        offset = sum(one * place for one, place in zip(way, camera.eye, strict=True))
+        corners = _cut(corners, way[0], way[1], offset)
+    shown = min(max(x, left), right), min(max(y, low), high)
+    heading = math.atan2(camera.ahead[1], camera.ahead[0])
+    return CameraFrame(camera.name, tuple(corners), (*shown, heading), shown != (x, y))
+
+
+def _cut(corners: list[Point], nx: float, ny: float, offset: float) -> list[Point]:
+    """The part of a convex polygon where nx x + ny y >= offset (Sutherland and Hodgman 1974)."""
+    kept: list[Point] = []
+    for (x, y), (next_x, next_y) in zip(corners, corners[1:] + corners[:1], strict=True):
+        here, there = nx * x + ny * y - offset, nx * next_x + ny * next_y - offset
+        if here >= 0.0:
+            kept.append((x, y))
+        if (here >= 0.0) != (there >= 0.0):
+            share = here / (here - there)
+            kept.append((x + share * (next_x - x), y + share * (next_y - y)))
+    return kept
+
+
+def hand_outlines(spec: CheckedSpec, thing: int, robot: int, yaw: float) -> tuple[tuple[Point, ...], ...]:
+    """The fingers and the palm of a robot's open hand over a thing, in the thing's frame."""
+    arm = spec.shapes[robot].arm
+    assert arm is not None
+    return tuple(box.vertices for box in hand_boxes(spec.shapes[thing].footprint, arm, yaw))

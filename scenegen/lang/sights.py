@@ -27,14 +27,23 @@ MOST_HIDERS = 4_000  # pairs of objects over all cameras: beyond, only shares th
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What a camera sees of an object in B scenes: the share of its silhouette, from 0 to 1, (B,), and whether all of
-    it is in the picture, (B,). `asked`: a formula is about this share."""
+    """What a camera sees of an object in B scenes: the share of its silhouette that nothing hides, from 0 to 1, (B,),
+    whether all of it is in the picture, and whether any of it is, (B,) each. `asked`: a formula is about this share."""
 
     camera: str
     thing: int
     asked: bool
     share: Array
-    within: Array
+    whole: Array
+    any: Array
+
+    def words(self, scene: int) -> str:
+        """The share in per cent, and whether the picture has all of the object; 0 and 100 are only what is that."""
+        if not self.any[scene]:
+            return "out of view"
+        share = float(self.share[scene])
+        rounded = round(100.0 * share) if share in (0.0, 1.0) else min(max(round(100.0 * share), 1), 99)
+        return f"{rounded} %" + ("" if self.whole[scene] else ", partly out of view")
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +79,8 @@ class Sights:
                 del self.shares[thing, name]
                 continue
             labels[f"share {thing} {name}"] = share
-            labels[f"room {thing} {name}"] = room_of(lowering, thing, cameras[name])
+            labels[f"whole {thing} {name}"] = room_of(lowering, thing, cameras[name])
+            labels[f"any {thing} {name}"] = room_of(lowering, thing, cameras[name], farthest=True)
         self.hands = tuple(lowering.hands)
         labels |= {f"hand {place}": number for place, number in enumerate(lowering.hands.values())}
         self.core = lowering.builder.finish(labels)
@@ -84,7 +94,8 @@ class Sights:
                 thing,
                 asked,
                 np.clip(values[f"share {thing} {name}"], 0.0, 1.0),
-                values[f"room {thing} {name}"] >= 0.0,
+                values[f"whole {thing} {name}"] >= 0.0,
+                values[f"any {thing} {name}"] > 0.0,
             )
             for (thing, name), asked in self.shares.items()
         ]

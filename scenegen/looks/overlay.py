@@ -40,6 +40,7 @@ class CameraFrame:
     outside: bool
 
 
+EYE_INSET = 0.025  # of the view's longer side, from its border: where eyes that are outside are shown
 BEYOND = 1.0  # sizes of the view on each side: what is pictured further away, up to the horizon, is cut off there
 
 
@@ -56,9 +57,12 @@ def frame_of(camera: SpecCamera, view: Rectangle) -> CameraFrame:
     for way in camera.sides:
         offset = sum(one * place for one, place in zip(way, camera.eye, strict=True))
         corners = _cut(corners, way[0], way[1], offset)
-    shown = min(max(x, left), right), min(max(y, low), high)
+    outside = not (left <= x <= right and low <= y <= high)
+    if outside:
+        inset = EYE_INSET * max(right - left, high - low)
+        x, y = min(max(x, left + inset), right - inset), min(max(y, low + inset), high - inset)
     heading = math.atan2(camera.ahead[1], camera.ahead[0])
-    return CameraFrame(camera.name, tuple(corners), (*shown, heading), shown != (x, y))
+    return CameraFrame(camera.name, tuple(corners), (x, y, heading), outside)
 
 
 def _cut(corners: list[Point], nx: float, ny: float, offset: float) -> list[Point]:

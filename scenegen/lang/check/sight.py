@@ -174,21 +174,22 @@ def sight_function(lowering: Lowering, name: str, values: list[Value], node: ast
     return NumberValue(number, SHARE if name == "visibleShare" else LENGTH, origin=origin)
 
 
-def room_of(lowering: Lowering, which: int, seer: SpecCamera) -> int:
+def room_of(lowering: Lowering, which: int, seer: SpecCamera, *, farthest: bool = False) -> int:
     """The distance of an object's body from the four planes through the eye and a side of the picture, the least of
-    them: of its corner that is nearest to each, and negative beyond it."""
+    them: of its corner that is nearest to each, or `farthest` from it, and negative beyond it."""
     builder = lowering.builder
     x, y, theta = pose_of(lowering, which)
     low, own = level(lowering, which), lowering.shapes[which].height
+    sign, end = (1.0, max) if farthest else (-1.0, min)
     rooms = []
     for nx, ny, nz in seer.sides:
-        base = min(nz * own, 0.0) - sum(one * place for one, place in zip((nx, ny, nz), seer.eye, strict=True))
+        base = end(nz * own, 0.0) - sum(one * place for one, place in zip((nx, ny, nz), seer.eye, strict=True))
         parts = [(nx, x), (ny, y), (nz, low)]
         flat = math.hypot(nx, ny)
         if flat > LEVEL:
-            heading = builder.const(math.atan2(-ny, -nx))
+            heading = builder.const(math.atan2(sign * ny, sign * nx))
             reach = builder.apply("reach", (x, y, theta, heading), (lowering.coerce.covers(which),))
-            parts.append((-flat, reach))
+            parts.append((sign * flat, reach))
         room = builder.const(base)
         for factor, number in parts:
             room = builder.apply("add", (builder.apply("mul", (builder.const(factor), number)), room))

@@ -182,7 +182,7 @@ def dimensions(core: Core, atom: int, rows: Sequence[float]) -> list[Mark]:
     values = evaluate(core, rows)
     good = values[atom] >= 0.0
     marks: list[Mark] = []
-    for index in _below(core, node.margin):
+    for index in _below(core, node.margin, values):
         part = core.nodes[index]
         if isinstance(part, Apply):
             marks.extend(_marks(core, part, index, values, rows, good))
@@ -204,15 +204,20 @@ def short(value: float) -> str:
     return "0" if text == "-0" else text.replace("-", "\N{MINUS SIGN}")
 
 
-def _below(core: Core, root: int) -> Iterator[int]:
-    """The nodes that a number is computed from, each once, parents first."""
+def _below(core: Core, root: int, values: Sequence[float] | None = None) -> Iterator[int]:
+    """The nodes that a number is computed from, each once, parents first; with the `values` of a scene, of a minimum or
+    a maximum only those that it is."""
     seen, stack = set[int](), [root]
     while stack:
         index = stack.pop()
         if index not in seen:
             seen.add(index)
             yield index
-            stack.extend(reversed(children(core.nodes[index])))
+            node = core.nodes[index]
+            below = children(node)
+            if values is not None and isinstance(node, Apply) and node.primitive in ("min", "max"):
+                below = tuple(one for one in below if values[one] == values[index])
+            stack.extend(reversed(below))
 
 
 def _marks(

@@ -120,7 +120,12 @@ def render(
     elif view is not None and len(view) > 1:
         raise _only("--view", "may be given once with --figure")
     else:
-        of_pictures: dict[str, object] = {"--camera": camera, "--transparent": transparent, "--depth": depth, "--masks": masks}
+        of_pictures: dict[str, object] = {
+            "--camera": camera,
+            "--transparent": transparent,
+            "--depth": depth,
+            "--masks": masks,
+        }
         of_pictures |= {"--renderer": renderer != "software", "--looks": looks, "--meshes": meshes}
         for name, given in of_pictures.items():
             if given:

@@ -1,5 +1,5 @@
-"""What views from above show of robots and cameras: the ring that an arm reaches, the frame of a camera's picture on the
-table, and the hand over what it grasps."""
+"""What views from above show of robots and cameras: the ring that an arm reaches, the frame of a camera's picture on
+the table, and the hand over what it grasps."""
 
 from __future__ import annotations
 

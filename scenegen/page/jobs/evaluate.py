@@ -138,7 +138,8 @@ def _sights(spec: CheckedSpec, rows: Array) -> dict[str, Any]:
     asked = [one for one in seen if one.asked] or seen
     return {
         "seen": [
-            {"camera": one.camera, "thing": one.thing, "share": float(one.share[0]), "words": one.words(0)} for one in asked
+            {"camera": one.camera, "thing": one.thing, "share": float(one.share[0]), "words": one.words(0)}
+            for one in asked
         ],
         "hands": [
             {

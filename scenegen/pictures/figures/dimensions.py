@@ -15,6 +15,7 @@ from scenegen.geometry import PRIMITIVES, Box, Circle, Footprint, Polygon
 from scenegen.geometry.footprint import corners
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, children
 from scenegen.lang.formula.interpret import evaluate
+from scenegen.pictures.figures.sights import FigureSights
 from scenegen.pose import FLAT, THETA, X, Y, row_of, span_of
 
 # Where a clearance is measured: the two points whose distance is gap(a, b) or room(a, b), for drawings.
@@ -167,6 +168,7 @@ class FigureScene:
     marks: Sequence[Mark] = ()
     caption: Sequence[str] = ()
     good: bool | None = None
+    sights: FigureSights | None = None
 
 
 UNIT = 1e-9  # tolerance for weights of coordinates that count as 1 and are drawn to scale

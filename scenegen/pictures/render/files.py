@@ -139,7 +139,7 @@ def declared_camera(cameras: Sequence[SpecCamera], name: str) -> SpecCamera:
             return one
     example = "write `camera front = at (0.5, -0.6, 0.7) looks at (0.5, 0.4, 0) fov 60 deg, 4:3` in the spec"
     known = tuple(one.name for one in cameras)
-    raise RequestError(UNKNOWN_CHOICE(what="camera", name=name, known=known, instead=None if known else example))
+    raise RequestError(UNKNOWN_CHOICE(what="camera", name=str(name), known=known, instead=None if known else example))
 
 
 def camera_size(camera: SpecCamera, wanted: tuple[int, int] | None) -> tuple[int, int]:

@@ -21,7 +21,7 @@ import pybullet
 
 from scenegen.geometry import Polygon
 from scenegen.geometry.workspace import BOARD
-from scenegen.looks.camera import Camera, frame
+from scenegen.looks.camera import Camera
 from scenegen.looks.look import Look, Tint
 from scenegen.looks.stage import WOOD, PictureRegion, PictureSetup
 from scenegen.looks.textures import Textures

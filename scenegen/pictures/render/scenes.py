@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from scenegen.errors import DataError
+from scenegen.errors import DataError, RequestError
 from scenegen.errors.requests import CONFLICTING_ARGUMENTS, NO_SCENES
 from scenegen.looks.camera import USUAL_VIEWS
 from scenegen.looks.chart_style import PAPER
@@ -189,7 +189,7 @@ def render_scenes(
     if camera is not None:
         if views is not None:
             raise RequestError(CONFLICTING_ARGUMENTS(one="camera", other="views"))
-        declared = declared_camera(file.spec.checked_spec.cameras, as_word("camera", camera, '"front"'))
+        declared = declared_camera(file.spec.checked_spec.cameras, camera)
         size = camera_size(declared, size)
     size = usual_size(file) if size is None else size
     if views is None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from itertools import groupby
 from math import nan
 from pathlib import Path
@@ -20,10 +22,12 @@ from scenegen.cli.options import COUNT, ROOT, SPEC_FILES, display_name, option, 
 from scenegen.cli.output import complain, detail, flag, print_json, tree
 from scenegen.errors import ScenegenError, Source, to_json
 from scenegen.errors.declarations import NOT_LOOKED_AT
+from scenegen.lang.check.supports import area_of
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 from scenegen.lang.syntax.printer import print_statement
+from scenegen.looks.overlay import pictured_share, ring_of
 from scenegen.search.effort import Effort
 from scenegen.things import Circle, Shape
 
@@ -263,11 +267,60 @@ def _head(spec: Spec, width: int | None) -> Iterator[str]:
         if kinds:
             yield f"  assets     {kinds}: {len(checked.members)} specs; what follows is that of the last"
     regions = [one.name for one in checked.regions]
+    yield from _name_lines("surfaces", _choices(spec), width)
     yield from _name_lines("objects", free if width is None else arrays(free), width)
     for number, line in enumerate(_sizes(spec, width)):
         yield f"  {'' if number else 'sizes':<9}  {line}"
-    for kind, names in (("fixed", held), ("regions", regions)):
+    more = {"fixed": held, "regions": regions, "robots": _robots(spec), "cameras": _cameras(spec)}
+    for kind, names in more.items():
         yield from _name_lines(kind, names, width)
+
+
+def _choices(spec: Spec) -> list[str]:
+    """What objects stand on that have a choice, and how often each is drawn."""
+    names: dict[str, list[str]] = {}
+    for which, choice in spec.definition.choices.items():
+        upper = spec.definition.shapes[which].footprint
+        sizes = [  # places of the switch, and on the surface
+            (high - low) * area_of(upper, one)
+            for low, high, one in zip((0.0, *choice.ends[:-1]), choice.ends, choice.options, strict=True)
+        ]
+        each = [
+            f"{one.name} {100.0 * size / sum(sizes):.3g} %" for one, size in zip(choice.options, sizes, strict=True)
+        ]
+        names.setdefault(" or ".join(each), []).append(spec.objects[which])
+    return [f"{', '.join(arrays(some))} on {places}" for places, some in names.items()]
+
+
+def _robots(spec: Spec) -> list[str]:
+    """What the hand of each robot reaches."""
+    foot = spec.definition.heights or (0.0,) * len(spec.objects)
+    found = []
+    for name, shape, height in zip(spec.objects, spec.definition.shapes, foot, strict=True):
+        if shape.arm is not None:
+            ring = ring_of(shape.arm, height or 0.0)
+            turn = (
+                ""
+                if ring.bearing is None
+                else f", {' to '.join(f'{math.degrees(one):.0f}' for one in ring.bearing)} deg"
+            )
+            reach = f"{ring.nearest:.3g} to {ring.farthest:.3g} m{turn} at the table"
+            found.append(f"{name}: {shape.arm.name} reaches {reach}, opens {shape.arm.hand.opening:g} m")
+    return found
+
+
+def _cameras(spec: Spec) -> list[str]:
+    """Where cameras are, and how much of the workspace each pictures."""
+    area = (spec.workspace.x[0], spec.workspace.y[0], spec.workspace.x[1], spec.workspace.y[1])
+    found = []
+    for one in spec.definition.cameras:
+        shape = Fraction(one.aspect).limit_denominator(100)
+        lens = f"{math.degrees(one.field):.3g} deg, {shape.numerator}:{shape.denominator}"
+        place = ", ".join(f"{number:g}" for number in one.eye)
+        found.append(
+            f"{one.name} at ({place}), {lens}, pictures {100.0 * pictured_share(one, area):.0f} % of the workspace"
+        )
+    return found
 
 
 def _name_lines(kind: str, names: Sequence[str], width: int | None) -> Iterator[str]:

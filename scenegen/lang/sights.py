@@ -22,17 +22,16 @@ from scenegen.lang.formula.interpret import evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax.parse import parse
 
-MOST_HIDERS = 4_000  # pairs of objects over all cameras: beyond, only shares that formulas ask for are measured
+MOST_HIDERS = 1_000  # pairs of objects over all cameras: beyond, only shares that formulas ask for are measured
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
     """What a camera sees of an object in B scenes: the share of its silhouette that nothing hides, from 0 to 1, (B,),
-    whether all of it is in the picture, and whether any of it is, (B,) each. `asked`: a formula is about this share."""
+    whether all of it is in the picture, and whether any of it is, (B,) each."""
 
     camera: str
     thing: int
-    asked: bool
     share: Array
     whole: Array
     any: Array
@@ -62,22 +61,22 @@ class Sights:
     """The numbers of a spec's scenes; made by `sights_of`."""
 
     core: Core = field(default_factory=lambda: Core((), {}, ()))
-    shares: dict[tuple[int, str], bool] = field(default_factory=dict)  # object and camera: whether a formula asks
+    shares: tuple[tuple[int, str], ...] = ()  # object and camera
     hands: tuple[tuple[int, int, float, float], ...] = ()  # object, robot, yaw, depth
 
     def __call__(self, lowering: Lowering) -> None:
         """Take what a lowering knows: its hook."""
         things = [one for one, shape in enumerate(lowering.shapes) if shape.arm is None]
         cameras = lowering.cameras
-        if len(things) * len(lowering.shapes) * len(cameras) <= MOST_HIDERS:
-            self.shares = {(thing, name): False for name in cameras for thing in things}
-        self.shares |= dict.fromkeys(lowering.seen, True)
+        wanted = list(lowering.seen)
+        if not wanted and len(things) * len(lowering.shapes) * len(cameras) <= MOST_HIDERS:
+            wanted = [(thing, name) for name in cameras for thing in things]
         labels: dict[str, int] = {}
-        for thing, name in list(self.shares):
+        for thing, name in wanted:
             share = share_of(lowering, thing, cameras[name])
             if share is None:  # what things stand on allows too many cases
-                del self.shares[thing, name]
                 continue
+            self.shares += ((thing, name),)
             labels[f"share {thing} {name}"] = share
             labels[f"whole {thing} {name}"] = room_of(lowering, thing, cameras[name])
             labels[f"any {thing} {name}"] = room_of(lowering, thing, cameras[name], farthest=True)
@@ -86,19 +85,13 @@ class Sights:
         self.core = lowering.builder.finish(labels)
 
     def seen(self, rows: Array) -> list[Seen]:
-        """In scenes with the core's rows, (3M, B): by cameras, then by objects."""
+        """In scenes with the core's rows, (3M, B): what formulas ask for, or where none asks, each object."""
         values = self._values(rows)
-        return [
-            Seen(
-                name,
-                thing,
-                asked,
-                np.clip(values[f"share {thing} {name}"], 0.0, 1.0),
-                values[f"whole {thing} {name}"] >= 0.0,
-                values[f"any {thing} {name}"] > 0.0,
-            )
-            for (thing, name), asked in self.shares.items()
-        ]
+        found = []
+        for thing, name in self.shares:
+            share, whole, part = (values[f"{what} {thing} {name}"] for what in ("share", "whole", "any"))
+            found.append(Seen(name, thing, np.clip(share, 0.0, 1.0), whole >= 0.0, part > 0.0))
+        return found
 
     def grips(self, rows: Array) -> list[Grip]:
         """In scenes with the core's rows, (3M, B): one for each object, robot and depth of which formulas ask."""

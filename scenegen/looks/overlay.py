@@ -48,21 +48,30 @@ def frame_of(camera: SpecCamera, view: Rectangle) -> CameraFrame:
     """The frame of a camera in a view from (x, y) to (x, y)."""
     (left, low, right, high), (x, y, _) = view, camera.eye
     wide, deep = BEYOND * (right - left), BEYOND * (high - low)
-    corners: list[Point] = [
-        (left - wide, low - deep),
-        (right + wide, low - deep),
-        (right + wide, high + deep),
-        (left - wide, high + deep),
-    ]
-    for way in camera.sides:
-        offset = sum(one * place for one, place in zip(way, camera.eye, strict=True))
-        corners = _cut(corners, way[0], way[1], offset)
+    corners = _pictured(camera, (left - wide, low - deep, right + wide, high + deep))
     outside = not (left <= x <= right and low <= y <= high)
     if outside:
         inset = EYE_INSET * max(right - left, high - low)
         x, y = min(max(x, left + inset), right - inset), min(max(y, low + inset), high - inset)
     heading = math.atan2(camera.ahead[1], camera.ahead[0])
     return CameraFrame(camera.name, tuple(corners), (x, y, heading), outside)
+
+
+def pictured_share(camera: SpecCamera, area: Rectangle) -> float:
+    """The share of an area of the table that a camera pictures, were it empty."""
+    found = _pictured(camera, area)
+    ends = zip(found, found[1:] + found[:1], strict=True)
+    twice = sum(x * next_y - next_x * y for (x, y), (next_x, next_y) in ends)
+    return 0.5 * twice / ((area[2] - area[0]) * (area[3] - area[1]))
+
+
+def _pictured(camera: SpecCamera, area: Rectangle) -> list[Point]:
+    """The corners of the part of an area of the table that a camera pictures, counter-clockwise."""
+    (left, low, right, high), eye = area, camera.eye
+    corners: list[Point] = [(left, low), (right, low), (right, high), (left, high)]
+    for way in camera.sides:
+        corners = _cut(corners, way[0], way[1], sum(one * place for one, place in zip(way, eye, strict=True)))
+    return corners
 
 
 def _cut(corners: list[Point], nx: float, ny: float, offset: float) -> list[Point]:

@@ -267,7 +267,7 @@ def topviews(job: Job) -> dict[str, bytes]:
 
 
 def _sights(spec: CheckedSpec, row: Array) -> tuple[FigureSights | None, dict[int, str]]:
-    """What robots and cameras do in a scene (3M,), and by object which shares of it are seen, where a formula asks."""
+    """What robots and cameras do in a scene (3M,), and by object which shares of it are seen."""
     found = sights_of(spec)
     if found is None:
         return None, {}
@@ -286,9 +286,8 @@ def _sights(spec: CheckedSpec, row: Array) -> tuple[FigureSights | None, dict[in
     ]
     seen: dict[int, str] = {}
     for one in found.seen(rows):
-        if one.asked:
-            words = f"{one.camera} sees {one.words(0)}"
-            seen[one.thing] = f"{seen[one.thing]}; {words}" if one.thing in seen else words
+        words = f"{one.camera} sees {one.words(0)}"
+        seen[one.thing] = f"{seen[one.thing]}; {words}" if one.thing in seen else words
     return FigureSights(rings, spec.cameras, hands), seen
 
 

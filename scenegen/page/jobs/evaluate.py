@@ -129,17 +129,15 @@ def reasons(spec: Spec, scenes: SceneSet) -> dict[str, Any]:
 
 
 def _sights(spec: CheckedSpec, rows: Array) -> dict[str, Any]:
-    """Of a scene's rows (3M, 1): the shares that cameras see, of the objects that formulas ask for, or else of all; and
-    the hands that formulas try, each at its best yaw, as outlines in the frame of the object."""
+    """Of a scene's rows (3M, 1): the shares that cameras see, and the hands that formulas try, each at its best yaw, as
+    outlines in the frame of the object."""
     sights = sights_of(spec)
     if sights is None:
         return {}
-    seen, hands = sights.seen(rows), sights.grips(rows)
-    asked = [one for one in seen if one.asked] or seen
     return {
         "seen": [
             {"camera": one.camera, "thing": one.thing, "share": float(one.share[0]), "words": one.words(0)}
-            for one in asked
+            for one in sights.seen(rows)
         ],
         "hands": [
             {
@@ -149,7 +147,7 @@ def _sights(spec: CheckedSpec, rows: Array) -> dict[str, Any]:
                 "room": float(one.room[0]),
                 "boxes": hand_outlines(spec, one.thing, one.robot, float(one.yaw[0])),
             }
-            for one in hands
+            for one in sights.grips(rows)
         ],
     }
 

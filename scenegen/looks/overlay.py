@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from scenegen.geometry.footprint import Point, Rectangle
+from scenegen.geometry.footprint import Point, Rectangle, cut_at_line, signed_area
 from scenegen.lang.check.arms import hand_boxes
 from scenegen.lang.spec import CheckedSpec, Pose, SpecCamera
 from scenegen.things.arms import Arm
@@ -60,31 +60,17 @@ def frame_of(camera: SpecCamera, view: Rectangle) -> CameraFrame:
 def pictured_share(camera: SpecCamera, area: Rectangle) -> float:
     """The share of an area of the table that a camera pictures, were it empty."""
     found = _pictured(camera, area)
-    ends = zip(found, found[1:] + found[:1], strict=True)
-    twice = sum(x * next_y - next_x * y for (x, y), (next_x, next_y) in ends)
-    return 0.5 * twice / ((area[2] - area[0]) * (area[3] - area[1]))
+    return signed_area(found) / ((area[2] - area[0]) * (area[3] - area[1])) if found else 0.0
 
 
 def _pictured(camera: SpecCamera, area: Rectangle) -> list[Point]:
     """The corners of the part of an area of the table that a camera pictures, counter-clockwise."""
     (left, low, right, high), eye = area, camera.eye
     corners: list[Point] = [(left, low), (right, low), (right, high), (left, high)]
-    for way in camera.sides:
-        corners = _cut(corners, way[0], way[1], sum(one * place for one, place in zip(way, eye, strict=True)))
+    for nx, ny, nz in camera.sides:
+        depths = [nx * (x - eye[0]) + ny * (y - eye[1]) - nz * eye[2] for x, y in corners]
+        corners = cut_at_line(corners, depths)
     return corners
-
-
-def _cut(corners: list[Point], nx: float, ny: float, offset: float) -> list[Point]:
-    """The part of a convex polygon where nx x + ny y >= offset (Sutherland and Hodgman 1974)."""
-    kept: list[Point] = []
-    for (x, y), (next_x, next_y) in zip(corners, corners[1:] + corners[:1], strict=True):
-        here, there = nx * x + ny * y - offset, nx * next_x + ny * next_y - offset
-        if here >= 0.0:
-            kept.append((x, y))
-        if (here >= 0.0) != (there >= 0.0):
-            share = here / (here - there)
-            kept.append((x + share * (next_x - x), y + share * (next_y - y)))
-    return kept
 
 
 def hand_outlines(spec: CheckedSpec, thing: int, robot: int, yaw: float) -> tuple[tuple[Point, ...], ...]:

@@ -59,8 +59,8 @@ def test_a_camera_may_be_there_for_pictures_alone():
         ("(0.5, -0.6, 0.7)", "(0.5, 0.4, 0)", False),
         ("(0.5, -0.6, 0.7)", "(0.5, -2, 0)", True),  # behind it
         ("(0.5, 0.5, 0.7)", "(0.5, 0.5, 2)", True),  # up
-        ("(0.5, -0.6, 0.7)", "(3, -0.5, 0)", False),  # a corner of the table is at the side of the picture
-        ("(0.5, -0.6, 0.7)", "(3, -1.9, 0)", True),
+        ("(0.5, -0.6, 0.7)", "(3, 1.2, 0)", False),  # a corner of the table is at the side of the picture
+        ("(0.5, -0.6, 0.7)", "(3, -0.5, 0)", True),
         ("(0.5, -0.6, 0.02)", "(0.5, 0.4, 0.6)", False),  # tall things reach into the picture
         ("(0.5, -0.6, 0.7)", "(0.5, 0.4, 1.7)", True),
     ],

@@ -29,6 +29,7 @@ from scenegen.lang.check.scope import Declared
 from scenegen.lang.check.values import AnyValue, CallFrame, CameraValue, ListValue, NumberValue, ObjectValue, Value
 from scenegen.lang.spec import LEVEL, Pose, Space, SpecCamera, Support
 from scenegen.lang.syntax import ast
+from scenegen.things.surfaces import reach_of
 
 if TYPE_CHECKING:
     from scenegen.lang.check.lowering import Lowering
@@ -97,7 +98,7 @@ def camera_clash(lowering: Lowering, fixed: Mapping[int, Pose]) -> list[Diagnost
 def blind_cameras(lowering: Lowering, fixed: Mapping[int, Pose]) -> list[Diagnostic]:
     """A warning for each camera whose picture can have none of the objects: a box around all places that they can take
     is behind it, or beyond a side of its picture."""
-    reach = max((math.hypot(*shape.footprint.extent) for shape in lowering.shapes), default=0.0)
+    reach = max((reach_of(shape.footprint) for shape in lowering.shapes), default=0.0)
     places = [*zip(lowering.space.x, lowering.space.y, strict=True), *((x, y) for x, y, _ in fixed.values())]
     ends = [(min(values) - reach, max(values) + reach) for values in zip(*places, strict=True)]
     # as high as all things and boards on each other

@@ -267,13 +267,17 @@ def _head(spec: Spec, width: int | None) -> Iterator[str]:
         if kinds:
             yield f"  assets     {kinds}: {len(checked.members)} specs; what follows is that of the last"
     regions = [one.name for one in checked.regions]
-    yield from _name_lines("surfaces", _choices(spec), width)
     yield from _name_lines("objects", free if width is None else arrays(free), width)
     for number, line in enumerate(_sizes(spec, width)):
         yield f"  {'' if number else 'sizes':<9}  {line}"
-    more = {"fixed": held, "regions": regions, "robots": _robots(spec), "cameras": _cameras(spec)}
-    for kind, names in more.items():
+    for kind, names in (("fixed", held), ("regions", regions)):
         yield from _name_lines(kind, names, width)
+    more = {"surfaces": _choices(spec), "robots": _robots(spec), "cameras": _cameras(spec)}
+    for kind, lines in more.items():
+        most = len(lines) if width is None or len(lines) <= SHAPE_LINES else SHAPE_LINES - 1
+        rest = [] if most == len(lines) else [f"... and {len(lines) - most:,} more"]
+        for number, line in enumerate([*lines[:most], *rest]):
+            yield f"  {'' if number else kind:<9}  {line}"
 
 
 def _choices(spec: Spec) -> list[str]:

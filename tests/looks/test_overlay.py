@@ -11,7 +11,6 @@ from scenegen.lang.spec import SpecCamera
 from scenegen.looks.camera import from_place
 from scenegen.looks.overlay import BEYOND, frame_of, pictured_share, ring_of
 from scenegen.things.arms import shipped_arm
-
 from tests.laws import examples
 
 VIEW = (-0.2, -0.1, 1.1, 1.3)

@@ -103,7 +103,7 @@ def evaluate(
     for at, one_sights in enumerate(_sights(checked, found) if explain else ()):
         for sight in one_sights["seen"]:
             column = columns.setdefault(f"{sight['camera']} sees of {sight['object']}", [""] * len(found))
-            column[at] = sight["words"]  # type: ignore[call-overload]
+            column[at] = sight["words"]
     required = requirement(checked.require_scenes(), found)
     if required is not None:
         columns[REQUIRE] = required.tolist()

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
+import numpy.typing as npt
 
 from scenegen.arrays import Array
 from scenegen.errors import Source
@@ -33,8 +34,8 @@ class Seen:
     camera: str
     thing: int
     share: Array
-    whole: Array
-    any: Array
+    whole: npt.NDArray[np.bool_]
+    any: npt.NDArray[np.bool_]
 
     def words(self, scene: int) -> str:
         """The share in per cent, and whether the picture has all of the object; 0 and 100 are only what is that."""

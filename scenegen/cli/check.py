@@ -27,7 +27,7 @@ from scenegen.lang.formula.core import REQUIRE
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 from scenegen.lang.syntax.printer import print_statement
-from scenegen.looks.overlay import pictured_share, ring_of
+from scenegen.looks.overlay import share_of_area, ring_of
 from scenegen.search.effort import Effort
 from scenegen.things import Circle, Shape
 
@@ -322,7 +322,7 @@ def _cameras(spec: Spec) -> list[str]:
         lens = f"{math.degrees(one.field):.3g} deg, {shape.numerator}:{shape.denominator}"
         place = ", ".join(f"{number:g}" for number in one.eye)
         found.append(
-            f"{one.name} at ({place}), {lens}, pictures {100.0 * pictured_share(one, area):.0f} % of the workspace"
+            f"{one.name} at ({place}), {lens}, pictures {100.0 * share_of_area(one, area):.0f} % of the workspace"
         )
     return found
 

@@ -143,7 +143,7 @@ def _sights(spec: Spec, scenes: SceneSet) -> list[dict[str, Any]]:
             for place, yaw, room in zip(part.which, grip.yaw.tolist(), grip.room.tolist(), strict=True):
                 one = {"object": names[grip.thing], "robot": names[grip.robot], "yaw": yaw, "room": room}
                 found[place]["hands"].append(one)
-        for seen in () if sights is None else sights.seen(part.rows):
+        for seen in () if sights is None else sights.views(part.rows):
             for at, place in enumerate(part.which):
                 share, words = float(seen.share[at]), seen.words(at)
                 one = {"object": names[seen.thing], "camera": seen.camera, "share": share, "words": words}

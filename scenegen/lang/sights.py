@@ -85,7 +85,7 @@ class Sights:
         labels |= {f"hand {place}": number for place, number in enumerate(lowering.hands.values())}
         self.core = lowering.builder.finish(labels)
 
-    def seen(self, rows: Array) -> list[Seen]:
+    def views(self, rows: Array) -> list[Seen]:
         """In scenes with the core's rows, (3M, B): what formulas ask for, or where none asks, each object."""
         values = self._values(rows)
         found = []

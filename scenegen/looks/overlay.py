@@ -48,7 +48,7 @@ def frame_of(camera: SpecCamera, view: Rectangle) -> CameraFrame:
     """The frame of a camera in a view from (x, y) to (x, y)."""
     (left, low, right, high), (x, y, _) = view, camera.eye
     wide, deep = BEYOND * (right - left), BEYOND * (high - low)
-    corners = _pictured(camera, (left - wide, low - deep, right + wide, high + deep))
+    corners = _view_of(camera, (left - wide, low - deep, right + wide, high + deep))
     outside = not (left <= x <= right and low <= y <= high)
     if outside:
         inset = EYE_INSET * max(right - left, high - low)
@@ -57,13 +57,13 @@ def frame_of(camera: SpecCamera, view: Rectangle) -> CameraFrame:
     return CameraFrame(camera.name, tuple(corners), (x, y, heading), outside)
 
 
-def pictured_share(camera: SpecCamera, area: Rectangle) -> float:
+def share_of_area(camera: SpecCamera, area: Rectangle) -> float:
     """The share of an area of the table that a camera pictures, were it empty."""
-    found = _pictured(camera, area)
+    found = _view_of(camera, area)
     return signed_area(found) / ((area[2] - area[0]) * (area[3] - area[1])) if found else 0.0
 
 
-def _pictured(camera: SpecCamera, area: Rectangle) -> list[Point]:
+def _view_of(camera: SpecCamera, area: Rectangle) -> list[Point]:
     """The corners of the part of an area of the table that a camera pictures, counter-clockwise."""
     (left, low, right, high), eye = area, camera.eye
     corners: list[Point] = [(left, low), (right, low), (right, high), (left, high)]

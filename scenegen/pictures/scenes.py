@@ -285,7 +285,7 @@ def _sights(spec: CheckedSpec, row: Array) -> tuple[FigureSights | None, dict[in
         for one in found.grips(rows)
     ]
     seen: dict[int, str] = {}
-    for one in found.seen(rows):
+    for one in found.views(rows):
         words = f"{one.camera} sees {one.words(0)}"
         seen[one.thing] = f"{seen[one.thing]}; {words}" if one.thing in seen else words
     return FigureSights(rings, spec.cameras, hands), seen

@@ -70,7 +70,7 @@ def test_a_camera_that_looks_away_from_everything_is_noticed(eye, target, blind)
     text = f"camera one = at {eye} looks at {target} fov 40 deg, 4:3\n{THINGS}task: leftOf(mug, carton)\n"
     spec = check_text(text)
     assert [one.code for one in spec.warnings] == ["blind-camera"] * blind
-    seen = sights_of(spec).seen(scenes(20_000))
+    seen = sights_of(spec).views(scenes(20_000))
     assert any(one.any.any() for one in seen) == (not blind)
 
 

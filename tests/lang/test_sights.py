@@ -23,12 +23,12 @@ def scenes(spec, count=200, seed=0):
 def test_shares_are_those_of_formulas_and_each_object_has_one_where_none_asks():
     asked = check_text(FRONT + THINGS + "a: visibleShare(mug, front) >= 0 %\nb: viewRoom(mug, front) >= 0")
     rows = scenes(asked)
-    (mug,) = sights_of(asked).seen(rows)
+    (mug,) = sights_of(asked).views(rows)
     values = phi(asked.core, list(rows), NUMPY)
     assert (mug.camera, mug.thing) == ("front", 0)
     assert np.array_equal(mug.share, np.clip(values["a"], 0.0, 1.0)) and 0.05 < (mug.share < 1.0).mean() < 0.95
     assert np.array_equal(mug.whole, values["b"] >= 0.0)
-    others = sights_of(check_text(FRONT + THINGS + "task: leftOf(mug, carton)")).seen(rows)
+    others = sights_of(check_text(FRONT + THINGS + "task: leftOf(mug, carton)")).views(rows)
     assert [one.thing for one in others] == [0, 1, 2] and np.array_equal(others[0].share, mug.share)
 
 
@@ -37,7 +37,7 @@ def test_whether_things_are_in_the_picture():
     text = "camera one = at (0.5, -0.2, 0.5) looks at (0.5, 0.5, 0) fov 30 deg, 4:3\n"
     spec = check_text(text + "object box1 = box(10 cm, 6 cm, 8 cm), b\ntask: leftOf(box1, b)")
     rows = scenes(spec, 2000)
-    seen = sights_of(spec).seen(rows)[0]
+    seen = sights_of(spec).views(rows)[0]
     camera = from_place(np.zeros((1, 3)), (400, 300), np.array([0.5, -0.2, 0.5]), np.array([0.5, 0.5, 0.0]), 30.0)
     x, y, theta = rows[:3]
     corners = np.array([(u, v, z) for u in (-0.05, 0.05) for v in (-0.03, 0.03) for z in (0.0, 0.08)])
@@ -87,7 +87,7 @@ def test_drawn_surfaces_and_numbers():
     for member in check_text(text).members:
         sights = sights_of(member)
         assert sights.core.objects == member.core.objects
-        assert len(sights.seen(scenes(member, 8))) == len(member.objects)
+        assert len(sights.views(scenes(member, 8))) == len(member.objects)
 
 
 def test_specs_without_cameras_and_robots_have_none():

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from scenegen.lang.spec import SpecCamera
 from scenegen.looks.camera import from_place
-from scenegen.looks.overlay import BEYOND, frame_of, pictured_share, ring_of
+from scenegen.looks.overlay import BEYOND, frame_of, share_of_area, ring_of
 from scenegen.things.arms import shipped_arm
 from tests.laws import examples
 
@@ -54,7 +54,7 @@ def test_a_frame_is_what_the_picture_has_of_the_table(camera, seed):
 def test_the_share_of_the_workspace(camera):
     grid = np.stack(np.meshgrid(*(np.linspace(0.005, 0.995, 100),) * 2), axis=-1).reshape(-1, 2)
     points = np.column_stack([grid, np.zeros(len(grid))])
-    assert pictured_share(camera, (0.0, 0.0, 1.0, 1.0)) == pytest.approx(in_picture(camera, points).mean(), abs=0.02)
+    assert share_of_area(camera, (0.0, 0.0, 1.0, 1.0)) == pytest.approx(in_picture(camera, points).mean(), abs=0.02)
 
 
 def test_eyes_are_shown_where_they_are_or_at_the_border():

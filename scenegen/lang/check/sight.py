@@ -107,7 +107,7 @@ def blind_cameras(lowering: Lowering, fixed: Mapping[int, Pose]) -> list[Diagnos
     problems = []
     for name, seer in lowering.cameras.items():
         for way in (seer.forward, *seer.sides):
-            if all(_along(way, corner) < _along(way, seer.eye) for corner in corners):
+            if all(_dot(way, corner) < _dot(way, seer.eye) for corner in corners):
                 declared = lowering.scope.cameras[name]
                 assert isinstance(declared.statement, ast.CameraDeclaration)
                 here = declared.statement.target.span(declared.source)
@@ -116,7 +116,7 @@ def blind_cameras(lowering: Lowering, fixed: Mapping[int, Pose]) -> list[Diagnos
     return problems
 
 
-def _along(way: Space, point: Space) -> float:
+def _dot(way: Space, point: Space) -> float:
     return sum(one * place for one, place in zip(way, point, strict=True))
 
 

@@ -137,7 +137,7 @@ def _sights(spec: CheckedSpec, rows: Array) -> dict[str, Any]:
     return {
         "seen": [
             {"camera": one.camera, "thing": one.thing, "share": float(one.share[0]), "words": one.words(0)}
-            for one in sights.seen(rows)
+            for one in sights.views(rows)
         ],
         "hands": [
             {

@@ -27,7 +27,7 @@ from scenegen.lang.formula.core import REQUIRE
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 from scenegen.lang.syntax.printer import print_statement
-from scenegen.looks.overlay import share_of_area, ring_of
+from scenegen.looks.overlay import ring_of, share_of_area
 from scenegen.search.effort import Effort
 from scenegen.things import Circle, Shape
 

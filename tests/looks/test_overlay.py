@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from scenegen.lang.spec import SpecCamera
 from scenegen.looks.camera import from_place
-from scenegen.looks.overlay import BEYOND, frame_of, share_of_area, ring_of
+from scenegen.looks.overlay import BEYOND, frame_of, ring_of, share_of_area
 from scenegen.things.arms import shipped_arm
 from tests.laws import examples
 

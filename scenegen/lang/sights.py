@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from scenegen.arrays import Array
-from scenegen.errors import Source
+from scenegen.errors import Source, SpecError
 from scenegen.geometry import NUMPY
 from scenegen.lang.check.lowering import Lowering
 from scenegen.lang.check.sight import room_of, share_of
@@ -61,7 +61,8 @@ class Grip:
 class Sights:
     """The numbers of a spec's scenes; made by `sights_of`."""
 
-    core: Core = field(default_factory=lambda: Core((), {}, ()))
+    of_shares: Core = field(default_factory=lambda: Core((), {}, ()))
+    of_hands: Core = field(default_factory=lambda: Core((), {}, ()))
     shares: tuple[tuple[int, str], ...] = ()  # object and camera
     hands: tuple[tuple[int, int, float, float], ...] = ()  # object, robot, yaw, depth
 
@@ -82,12 +83,13 @@ class Sights:
             labels[f"whole {thing} {name}"] = room_of(lowering, thing, cameras[name])
             labels[f"any {thing} {name}"] = room_of(lowering, thing, cameras[name], farthest=True)
         self.hands = tuple(lowering.hands)
-        labels |= {f"hand {place}": number for place, number in enumerate(lowering.hands.values())}
-        self.core = lowering.builder.finish(labels)
+        self.of_shares = lowering.builder.finish(labels)
+        rooms = {f"hand {place}": number for place, number in enumerate(lowering.hands.values())}
+        self.of_hands = lowering.builder.finish(rooms)
 
     def views(self, rows: Array) -> list[Seen]:
         """In scenes with the core's rows, (3M, B): what formulas ask for, or where none asks, each object."""
-        values = self._values(rows)
+        values = _values(self.of_shares, rows)
         found = []
         for thing, name in self.shares:
             share, whole, part = (values[f"{what} {thing} {name}"] for what in ("share", "whole", "any"))
@@ -96,7 +98,7 @@ class Sights:
 
     def grips(self, rows: Array) -> list[Grip]:
         """In scenes with the core's rows, (3M, B): one for each object, robot and depth of which formulas ask."""
-        values = self._values(rows)
+        values = _values(self.of_hands, rows)
         tried: dict[tuple[int, int, float], list[tuple[float, Array]]] = {}
         for place, (thing, robot, yaw, depth) in enumerate(self.hands):
             tried.setdefault((thing, robot, depth), []).append((yaw, values[f"hand {place}"]))
@@ -107,21 +109,29 @@ class Sights:
             found.append(Grip(thing, robot, np.array([yaw for yaw, _ in some])[best], rooms.max(axis=0)))
         return found
 
-    def _values(self, rows: Array) -> dict[str, Array]:
-        values = evaluate(self.core, list(rows), NUMPY) if self.core.labels else []
-        return {name: np.broadcast_to(values[at], rows.shape[1]) for name, at in self.core.labels.items()}
+
+def _values(core: Core, rows: Array) -> dict[str, Array]:
+    """The numbers of a core by name in scenes with rows (3M, B), (B,) each."""
+    if not core.labels:
+        return {}
+    one = rows.shape[1] == 1  # plain floats are faster
+    values = evaluate(core, rows[:, 0].tolist()) if one else evaluate(core, list(rows), NUMPY)
+    return {name: np.broadcast_to(values[at], rows.shape[1]) for name, at in core.labels.items()}
 
 
 @lru_cache(maxsize=8)
-def _sights(source: str) -> Sights:
+def _sights(source: str) -> Sights | None:
     found = Sights()
-    check_module(parse(Source("the spec of the scenes", source)), hook=found)
+    try:
+        check_module(parse(Source("the spec of the scenes", source)), hook=found)
+    except SpecError:  # its own formulas leave no room for more: what was checked before has no other mistake
+        return None
     return found
 
 
 def sights_of(spec: CheckedSpec) -> Sights | None:
-    """The sights of a spec without numbers to draw; None where it declares neither cameras nor robots, or time. Raises
-    SpecError where text of scenes is checked by another version."""
+    """The sights of a spec; None where it declares neither cameras nor robots, draws numbers of things, is about
+    motions, or is too large for more."""
     if spec.timed is not None or spec.counts or not (spec.cameras or any(shape.arm for shape in spec.shapes)):
         return None
     return _sights(spec.source)

@@ -86,7 +86,7 @@ def test_drawn_surfaces_and_numbers():
     text = FRONT + "object tray at (0.5, 0.5), mug[1..2], can on any of [tray, workspace]\ntask: leftOf(can, tray)"
     for member in check_text(text).members:
         sights = sights_of(member)
-        assert sights.core.objects == member.core.objects
+        assert sights.of_shares.objects == member.core.objects
         assert len(sights.views(scenes(member, 8))) == len(member.objects)
 
 

@@ -48,16 +48,37 @@ def motion(page: Any) -> None:
         page.keyboard.press(key)
 
 
+IN_SIGHT = """# The lemon can be picked up, and a part of the mug is hidden.
+robot arm = so101 at (0.5, 0.25, NORTH)
+camera front = at (0.5, 0.02, 0.5) looks at (0.5, 0.5, 0) fov 60 deg, 4:3
+object mug, bottle, lemon
+require noOverlap() & insideWorkspace(others(arm))
+task: graspable(lemon, arm) & visible(mug, front, 30 %, 90 %)
+"""
+
+
+def from_above(page: Any) -> None:
+    """What an arm reaches and a camera pictures."""
+    scenes(page)
+    page.focus(".stage canvas")
+    page.keyboard.press("v")
+    page.wait_for_selector("svg.top .hand", state="attached")
+
+
 SHOWN: dict[str, tuple[str, Callable[[Any], None]]] = {
     "view.png": ("breakfast", scenes),
     "motion.png": (str(ROOT / "examples" / "motions" / "round_the_plate.spec"), motion),
+    "in_sight.png": (IN_SIGHT, from_above),
 }
 
 
 @contextlib.contextmanager
 def opened(browser: Any, what: str, size: Mapping[str, int]) -> Iterator[Any]:
-    """The page of what is named."""
+    """The page of what is named, or of a text."""
     with tempfile.TemporaryDirectory() as state:  # no drafts of earlier runs
+        if "\n" in what:
+            (Path(state) / "in_sight.spec").write_text(what)
+            what = str(Path(state) / "in_sight.spec")
         env = {**os.environ, "XDG_STATE_HOME": state}
         command = [sys.executable, "-m", "scenegen", "view", what]
         server = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=env)

@@ -171,19 +171,30 @@ def heights(folder: Path) -> None:
     small("heights.png", side_by_side(pictures, 3), smooth=True)
 
 
-FRONT = "[camera]\nposition = [0.5, -0.6, 0.7]\nlook_at = [0.5, 0.4, 0]\nfov = 60\n"
+BEHIND = """camera front = at (0.5, -0.05, 0.4) looks at (0.5, 0.6, 0) fov 40 deg, 4:3
+object mug = cylinder(4 cm, 9 cm), carton = box(8 cm, 6 cm, 20 cm), bottle = cylinder(3.5 cm, 25 cm)
+require noOverlap() & inView(mug, front)
+task: visible(mug, front, 30 %, 50 %)
+"""
 
 
 def camera(folder: Path) -> None:
     """What the camera of a spec sees of a mug, from all of it to hardly anything."""
-    (folder / "front.toml").write_text(FRONT)
     spec = scenegen.load(SPECS / "occlusion_ladder.spec")
     pictures: list[Path] = []
     for number, rung in enumerate(((0.05, None), (0.01, 0.04), (-0.02, 0.01), (-0.045, -0.02))):
         scenes = scenegen.sample(spec, phi=rung, n=1, seed=4)
-        made = scenes.render(folder / str(number), views=("look",), size=(440, 330), looks=str(folder / "front.toml"))
-        pictures += made.pictures
+        pictures += scenes.render(folder / str(number), camera="front", size=(440, 330)).pictures
     small("camera.png", side_by_side(pictures, 4), smooth=True)
+
+
+def robot(folder: Path) -> None:
+    """What an arm reaches, and how its hand would grasp each thing; and what a camera pictures, from above."""
+    spec = scenegen.load(SPECS / "graspable_pick.spec")
+    scenes = scenegen.sample(spec, phi={"pick": (0.002, None), "clear": (0.0, None)}, n=4, seed=3)
+    (IMAGES / "robot_above.svg").write_bytes(scenes[:1].figures(folder, "topview")[0].read_bytes())
+    hidden = scenegen.sample(scenegen.parse(BEHIND), phi={"task": (0.0, None)}, n=1, seed=2)
+    (IMAGES / "camera_above.svg").write_bytes(hidden.figures(folder / "behind", "topview")[0].read_bytes())
 
 
 def assets(folder: Path) -> None:
@@ -192,7 +203,7 @@ def assets(folder: Path) -> None:
     small("assets.png", Image.open(folder / "library.png"))
 
 
-MADE = {one.__name__: one for one in (dinner, growth, setting, views, looks, heights, camera, assets)}
+MADE = {one.__name__: one for one in (dinner, growth, setting, views, looks, heights, camera, robot, assets)}
 
 
 def main() -> None:

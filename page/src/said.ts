@@ -1,7 +1,7 @@
 // What a part of a formula says: as the text has it, and in words.
 import { rarity, spec, text } from "./state";
 import type { Decides, Line } from "./types";
-import { measure, spoken } from "./words";
+import { measure, percent, spoken } from "./words";
 
 type Part = Pick<Line, "text" | "spans"> & { unit?: string };
 
@@ -108,17 +108,29 @@ const FACTS: Record<string, [string, string, string?]> = {
   inside: ["a lies m inside b", "a sticks out of b by m"],
   on: ["the centre of a is m inside b", "the centre of a is m outside b"],
   nearEdge: ["a is d off the border of b, m less than e", "a is d off the border of b, m more than e"],
+  reachable: ["a is m inside what b reaches", "a is m outside of what b reaches"],
   atLevel: ["a and b stand d apart in height, m less than e", "a and b stand d apart in height, m more than e", "a and b stand equally high"],
 };
 const OPPOSITE: Record<string, string> = { farFrom: "closeTo" }; // the same, the other way round
 const SAME: Record<string, string> = { "dist <=": "closeTo", "dist >=": "farFrom", "room >=": "inside" };
 const EXACT = 1e-9;
 
+/** Of hands and of shares that cameras see, `inner` the margin. */
+function sightFact(body: string, inner: number): string | null {
+  const hand = body.match(/^handRoom\((.+), (.+), ([\d.]+) deg\) >= 0$/);
+  if (hand) return inner >= 0 ? `the hand of ${hand[2]} has ${spoken(inner, "m")} of room around ${hand[1]}, turned by ${hand[3]} deg` : `the hand of ${hand[2]} lacks ${spoken(-inner, "m")} of room around ${hand[1]}, turned by ${hand[3]} deg`;
+  const seen = body.match(/^([\d.]+) \* visibleShare\((.+), (.+)\) ([<>])= (-?[\d.]+)$/);
+  if (!seen) return null;
+  return `${seen[3]} sees ${percent((Number(seen[5]) + (seen[4] === ">" ? inner : -inner)) / Number(seen[1]))} of ${seen[2]}`;
+}
+
 /** What decides phi in a scene, in words: `mug is 2 cm left of plate`. Null for what the table has no words for. */
 function fact(one: Decides): string | null {
   const written = asWritten(one);
   let not = written.startsWith("!");
   const body = not ? written.slice(1) : written;
+  const sight = sightFact(not ? one.text.slice(1).replace(/^\((.*)\)$/s, "$1") : one.text, not ? -one.value : one.value);
+  if (sight) return sight;
   let { name, args } = call(body) ?? { name: "", args: [] };
   const compared = body.match(/^(dist|room|gap)\((\w[\w.[\]]*), (\w[\w.[\]]*)\) ([<>]=?) ([^()]+)$/);
   if (compared) [name, args] = [SAME[`${compared[1]} ${compared[4]}`] ?? "", compared.slice(2, 4).concat(compared[5])];

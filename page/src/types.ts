@@ -18,6 +18,38 @@ export interface Thing {
   mesh: string;
   fixed: Pose | null;
   surfaces: string[]; // what it is declared to stand on: one of these in each scene
+  ring: Ring | null; // of a robot: what it reaches at the table
+}
+
+export interface Ring {
+  nearest: number;
+  farthest: number;
+  bearing: [number, number] | null; // from the robot's heading; null: all round
+}
+
+/** What a camera pictures of the table; an eye that is outside stands where the view ends. */
+export interface CameraFrame {
+  name: string;
+  corners: Point[];
+  eye: Pose;
+  outside: boolean;
+}
+
+/** The share of an object that a camera sees; in words also whether all of it is in the picture. */
+export interface Seen {
+  camera: string;
+  thing: number;
+  share: number;
+  words: string;
+}
+
+/** An open hand over an object, in its frame: two fingers and the palm. */
+export interface Hand {
+  thing: number;
+  robot: number;
+  yaw: number;
+  room: number;
+  boxes: Point[][];
 }
 
 export interface Region {
@@ -53,6 +85,7 @@ export interface Spec {
   numbers?: Count[]; // what it draws the number of; the rest of this is of the spec with these numbers
   objects: Thing[];
   regions: Region[];
+  cameras: CameraFrame[];
   labels: { name: string; bounds: [number, number] }[];
   requires: boolean;
   trees: Record<string, Line>;
@@ -90,6 +123,8 @@ export interface Report {
   at?: number[]; // of a motion, by line: the moment at which its value counts
   over?: (number | null)[][] | null; // and its value at every moment
   overlaps?: [string, string][];
+  seen?: Seen[];
+  hands?: Hand[];
 }
 
 export interface Result extends Report {
@@ -187,7 +222,7 @@ export interface Boot {
     spec: Spec;
     meshes: Record<string, PackedMesh>;
     rarity: Rarity[];
-    reports: { values: (number | null)[]; decides: Record<string, Decides | null>; overlaps: [string, string][] }[];
+    reports: { values: (number | null)[]; decides: Record<string, Decides | null>; overlaps: [string, string][]; seen?: Seen[]; hands?: Hand[] }[];
     command: string;
     file: object; // the head of a file of the scenes, as scenegen writes it
   };

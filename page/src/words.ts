@@ -57,6 +57,11 @@ export function round125(value: number): number {
   return near.reduce((best, one) => (Math.abs(Math.log(one / value)) < Math.abs(Math.log(best / value)) ? one : best));
 }
 
+/** A share in per cent; 0 and 100 are only what is exactly that. */
+export function percent(share: number): string {
+  return `${share <= 0 ? 0 : share >= 1 ? 100 : Math.min(Math.max(Math.round(100 * share), 1), 99)} %`;
+}
+
 export function degrees(theta: number): string {
   return `${Math.round((180 * theta) / Math.PI)}°`;
 }

@@ -213,6 +213,7 @@ class SceneSet(SceneArrays):
         out: str | Path,
         *,
         views: tuple[str, ...] | None = None,
+        camera: str | None = None,
         size: tuple[int, int] | None = None,
         distinct: bool = False,
         transparent: bool = False,
@@ -227,6 +228,7 @@ class SceneSet(SceneArrays):
     ) -> Rendered:
         """Draw every scene from every view into the folder `out`, and a contact sheet of all.
 
+        `camera` names a camera that the spec declares, which is then the one view.
         `views` are of "top", "perspective", "front" and "three-quarter", by default the first two. `size` is in pixels,
         by default (640, 480), wider for a wide workspace. `distinct` colours objects apart that would look the same.
         `transparent` leaves out the ground below the table; `depth` and `masks` add the depth in metres and what each
@@ -243,6 +245,7 @@ class SceneSet(SceneArrays):
             self.file(),
             as_path("out", out),
             views=views,
+            camera=camera,
             size=size,
             distinct=distinct,
             transparent=transparent,

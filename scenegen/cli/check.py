@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from itertools import groupby
 from math import nan
 from pathlib import Path
@@ -20,11 +22,13 @@ from scenegen.cli.options import COUNT, ROOT, SPEC_FILES, display_name, option, 
 from scenegen.cli.output import complain, detail, flag, print_json, tree
 from scenegen.errors import ScenegenError, Source, to_json
 from scenegen.errors.declarations import NOT_LOOKED_AT
+from scenegen.lang.check.supports import area_of
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.lang.prior import prior_text
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 from scenegen.lang.syntax.printer import print_statement
+from scenegen.looks.overlay import ring_of, share_of_area
 from scenegen.search.effort import Effort
 from scenegen.things import Circle, Shape
 
@@ -32,7 +36,6 @@ if TYPE_CHECKING:
     from scenegen.api.feasibility import UnsatisfiedLabel
     from scenegen.errors import Diagnostic
     from scenegen.lang.formula.timed import Horizon
-    from scenegen.lang.prior import Prior
 
 
 OPEN_QUESTION = "rough: a quick look found no scene {}, nor a proof that there is none"
@@ -182,7 +185,6 @@ def _as_json(problem: Diagnostic) -> dict[str, Any]:
 PAGE_LINES = 40  # of a page, at most
 PAGE_WIDTH = 110  # columns of a page that goes to no terminal
 NAME_LINES = 3  # lines of names
-PRIOR_LINES = 8  # lines of where things usually are
 SHAPE_LINES = 8  # lines of shapes and sizes
 HEAD_LINES = 3  # lines of a label: a blank one, its bounds, and its formula
 MAX_FULL_LINES = 100_000  # lines of `--full`: a formula whose definitions use each other twice can have 2^50
@@ -272,19 +274,70 @@ def _head(spec: Spec, width: int | None) -> Iterator[str]:
         yield f"  {'' if number else 'sizes':<9}  {line}"
     for kind, names in (("fixed", held), ("regions", regions)):
         yield from _name_lines(kind, names, width)
-    shown = checked.priors if width is None else checked.priors[:PRIOR_LINES]
-    for number, prior in enumerate(shown):
-        yield f"  {'' if number else 'usually':<9}  {_prior(spec, prior, width)}"
-    if len(shown) < len(checked.priors):
-        yield f"{'':<13}... and {len(checked.priors) - len(shown):,} more"
+    more = {"surfaces": _choices(spec), "robots": _robots(spec), "cameras": _cameras(spec)}
+    more |= {"usually": _priors(spec, width)}
+    for kind, lines in more.items():
+        most = len(lines) if width is None or len(lines) <= SHAPE_LINES else SHAPE_LINES - 1
+        rest = [] if most == len(lines) else [f"... and {len(lines) - most:,} more"]
+        for number, line in enumerate([*lines[:most], *rest]):
+            yield f"  {'' if number else kind:<9}  {line}"
 
 
-def _prior(spec: Spec, prior: Prior, width: int | None) -> str:
-    """What a `usually` statement says, on one line."""
-    objects = spec.definition.core.objects
-    names = [objects[which] for which in prior.things]
-    told = prior_text(prior, names if width is None else arrays(names), objects)
-    return told if width is None else shorten(told, max(20, width - 13), placeholder=" ...")
+def _choices(spec: Spec) -> list[str]:
+    """What objects stand on that have a choice, and how often each is drawn."""
+    names: dict[str, list[str]] = {}
+    for which, choice in spec.definition.choices.items():
+        upper = spec.definition.shapes[which].footprint
+        sizes = [  # places of the switch, and on the surface
+            (high - low) * area_of(upper, one)
+            for low, high, one in zip((0.0, *choice.ends[:-1]), choice.ends, choice.options, strict=True)
+        ]
+        each = [
+            f"{one.name} {100.0 * size / sum(sizes):.3g} %" for one, size in zip(choice.options, sizes, strict=True)
+        ]
+        names.setdefault(" or ".join(each), []).append(spec.objects[which])
+    return [f"{', '.join(arrays(some))} on {places}" for places, some in names.items()]
+
+
+def _robots(spec: Spec) -> list[str]:
+    """What the hand of each robot reaches."""
+    foot = spec.definition.heights or (0.0,) * len(spec.objects)
+    found = []
+    for name, shape, height in zip(spec.objects, spec.definition.shapes, foot, strict=True):
+        if shape.arm is not None:
+            ring = ring_of(shape.arm, height or 0.0)
+            turn = (
+                ""
+                if ring.bearing is None
+                else f", {' to '.join(f'{math.degrees(one):.0f}' for one in ring.bearing)} deg"
+            )
+            reach = f"{ring.nearest:.3g} to {ring.farthest:.3g} m{turn} at the table"
+            found.append(f"{name}: {shape.arm.name} reaches {reach}, opens {shape.arm.hand.opening:g} m")
+    return found
+
+
+def _cameras(spec: Spec) -> list[str]:
+    """Where cameras are, and how much of the workspace each pictures."""
+    area = (spec.workspace.x[0], spec.workspace.y[0], spec.workspace.x[1], spec.workspace.y[1])
+    found = []
+    for one in spec.definition.cameras:
+        shape = Fraction(one.aspect).limit_denominator(100)
+        lens = f"{math.degrees(one.field):.3g} deg, {shape.numerator}:{shape.denominator}"
+        place = ", ".join(f"{number:g}" for number in one.eye)
+        found.append(
+            f"{one.name} at ({place}), {lens}, pictures {100.0 * share_of_area(one, area):.0f} % of the workspace"
+        )
+    return found
+
+
+def _priors(spec: Spec, width: int | None) -> list[str]:
+    """What each `usually` statement says."""
+    objects, found = spec.definition.core.objects, []
+    for prior in spec.definition.priors:
+        names = [objects[which] for which in prior.things]
+        told = prior_text(prior, names if width is None else arrays(names), objects)
+        found.append(told if width is None else shorten(told, max(20, width - 13), placeholder=" ..."))
+    return found
 
 
 def _name_lines(kind: str, names: Sequence[str], width: int | None) -> Iterator[str]:

@@ -100,6 +100,10 @@ def evaluate(
         columns[label] = values.tolist()
         if explain:
             columns[f"{label} is decided by"] = atoms[label]
+    for at, one_sights in enumerate(_sights(checked, found) if explain else ()):
+        for sight in one_sights["seen"]:
+            column = columns.setdefault(f"{sight['camera']} sees of {sight['object']}", [""] * len(found))
+            column[at] = sight["words"]
     required = requirement(checked.require_scenes(), found)
     if required is not None:
         columns[REQUIRE] = required.tolist()
@@ -116,6 +120,35 @@ def _explain(spec: Spec, scenes: SceneSet, number: int) -> None:
         met = "" if label != REQUIRE or value >= 0.0 else ", which is not met"
         typer.echo(f"\n  {label}: {'margin' if label == REQUIRE else 'phi'} = {value:.9g}{met}")
         typer.echo("\n".join(tree(*outline.lines(label, values=values))))
+    (told,) = _sights(spec, scenes[number - 1 : number])
+    words = [
+        f"{one['object']} at {math.degrees(one['yaw']):.4g} deg: {one['robot']} has {one['room']:.3g} m of room"
+        for one in told["hands"]
+    ]
+    words += [f"{one['camera']} sees {one['object']}: {one['words']}" for one in told["seen"]]
+    if words:
+        typer.echo("\n".join(["", *(f"  {line}" for line in words)]))
+
+
+def _sights(spec: Spec, scenes: SceneSet) -> list[dict[str, Any]]:
+    """Of each scene, as plain data: the yaw (in the object's frame, radians) at which each hand has the most room, and
+    the shares that cameras see."""
+    from scenegen.api.scene_arrays import parts_of
+    from scenegen.lang.sights import sights_of
+
+    found: list[dict[str, Any]] = [{"hands": [], "seen": []} for _ in range(len(scenes))]
+    for part in parts_of(spec.require_scenes(), scenes):
+        sights, names = sights_of(part.spec), part.spec.objects
+        for grip in () if sights is None else sights.grips(part.rows):
+            for place, yaw, room in zip(part.which, grip.yaw.tolist(), grip.room.tolist(), strict=True):
+                one = {"object": names[grip.thing], "robot": names[grip.robot], "yaw": yaw, "room": room}
+                found[place]["hands"].append(one)
+        for seen in () if sights is None else sights.views(part.rows):
+            for at, place in enumerate(part.which):
+                share, words = float(seen.share[at]), seen.words(at)
+                one = {"object": names[seen.thing], "camera": seen.camera, "share": share, "words": words}
+                found[place]["seen"].append(one)
+    return found
 
 
 def as_json(spec: Spec, scenes: SceneSet, explain: bool = False, only: int | None = None) -> dict[str, Any]:
@@ -128,6 +161,7 @@ def as_json(spec: Spec, scenes: SceneSet, explain: bool = False, only: int | Non
     phi = score(spec.require_scenes(), scenes)
     required = requirement(spec.require_scenes(), scenes)
     atoms = why(spec.require_scenes(), scenes) if explain else {}
+    sights = _sights(spec, scenes) if explain else []
     rows: list[dict[str, Any]] = []
     for number in range(1, len(scenes) + 1) if only is None else (only,):
         at = number - 1
@@ -136,6 +170,7 @@ def as_json(spec: Spec, scenes: SceneSet, explain: bool = False, only: int | Non
             row[REQUIRE] = _finite(float(required[at]))
         if explain:
             row["decided_by"] = {label: texts[at] for label, texts in atoms.items()}
+            row |= {what: some for what, some in sights[at].items() if some}
         rows.append(row)
     found: dict[str, Any] = {"labels": list(phi), "scenes": rows}
     if explain and only is not None:

@@ -30,6 +30,7 @@ def render(
     view: list[str] | None = option(
         "top, perspective, front or three-quarter; more than one may be given. Default: top and perspective.", "VIEW"
     ),
+    camera: str | None = option("A camera that the spec declares, instead of --view.", "CAMERA"),
     size: str | None = option(
         "Width and height of a picture in pixels. Default: 640x480, wider for a wide workspace.", "WxH"
     ),
@@ -62,6 +63,7 @@ def render(
       scenegen render scenes.json --out pictures
       scenegen render scenes.json --out pictures --view front --size 1280x960
       scenegen render scenes.json --out dataset --view front --depth --masks
+      scenegen render scenes.json --out pictures --camera front
       scenegen render scenes.json --out figures --figure sweep --figure heatmap
       scenegen render scenes.json --out dataset --looks random --seed 3
       scenegen render sets/*.json --out pictures
@@ -74,6 +76,8 @@ def render(
 
     Several files are drawn side by side, by --engine, each into a folder of its name in --out; one that fails is
     reported by its name, the others are drawn, and the exit status is 1.
+
+    --camera draws what a `camera` statement of the spec pictures, with its field of view and the shape of its picture.
 
     Needs no display and no GPU. Pictures are numbered in scene order: scene_0001_top.png,
     scene_0001_perspective.png. cameras.json holds intrinsics and extrinsics, and what the numbers in masks stand for.
@@ -102,6 +106,8 @@ def render(
         raise _only(f"--out {out.name}", "is for one file, without --figure")
     if motion is not None and not alone:
         raise _only("--motion", "goes with --out FILE.gif or FILE.mp4")
+    if camera is not None and view:
+        raise _only("--camera", "is a view, and goes without --view")
     if seed and looks is None:
         raise _only("--seed", "goes with --looks")
     if spec is not None and (alone or any(map(is_motions, sources))):
@@ -114,7 +120,12 @@ def render(
     elif view is not None and len(view) > 1:
         raise _only("--view", "may be given once with --figure")
     else:
-        of_pictures: dict[str, object] = {"--transparent": transparent, "--depth": depth, "--masks": masks}
+        of_pictures: dict[str, object] = {
+            "--camera": camera,
+            "--transparent": transparent,
+            "--depth": depth,
+            "--masks": masks,
+        }
         of_pictures |= {"--renderer": renderer != "software", "--looks": looks, "--meshes": meshes}
         for name, given in of_pictures.items():
             if given:
@@ -123,6 +134,7 @@ def render(
     look: dict[str, Any] = {
         "size": shape,
         "views": tuple(view) if view else None,
+        "camera": camera,
         "distinct": distinct,
         "transparent": transparent,
         "depth": depth,

@@ -114,6 +114,13 @@ WRONG_CAMERA = Kind(
         "let it look at the table: looks at (0.5, 0.5, 0)",
     ),
 )
+BLIND_CAMERA = Kind(
+    "blind-camera",
+    "`{name}` looks away from everything that can be on the table",
+    "no scene has an object in its picture",
+    "let it look at the workspace: looks at (0.5, 0.5, 0)",
+    severity="warning",
+)
 WRONG_SHARES = Kind(
     "wrong-shares",
     ("{share:?}{share:g} is no share of a silhouette", "no share is {least:g} % or more and {most:g} % or less"),

@@ -134,11 +134,11 @@ def clip(points: Sequence[Point], within: Rectangle) -> tuple[Point, ...]:
     1974)."""
     ring = list(points)
     for axis, sign, edge in ((0, 1.0, within[0]), (1, 1.0, within[1]), (0, -1.0, within[2]), (1, -1.0, within[3])):
-        ring = _cut(ring, [sign * (point[axis] - edge) for point in ring])
+        ring = cut_at_line(ring, [sign * (point[axis] - edge) for point in ring])
     return tuple(dict.fromkeys(ring))
 
 
-def _cut(ring: Sequence[Point], depths: Sequence[float]) -> list[Point]:
+def cut_at_line(ring: Sequence[Point], depths: Sequence[float]) -> list[Point]:
     """What is left of a ring on one side of a line, from which each of its points lies so deep inside."""
     kept: list[Point] = []
     for (a, depth), (b, after) in pairwise((*zip(ring, depths, strict=True), *zip(ring[:1], depths[:1], strict=True))):
@@ -289,7 +289,7 @@ def _area_inside(polygon: Polygon, offsets: list[float]) -> float:
     """The area of a polygon whose edges have moved to other offsets, inwards."""
     ring = list(polygon.vertices)
     for edge, offset in zip(edges(polygon), offsets, strict=True):
-        ring = _cut(ring, [offset - edge.normal[0] * x - edge.normal[1] * y for x, y in ring])
+        ring = cut_at_line(ring, [offset - edge.normal[0] * x - edge.normal[1] * y for x, y in ring])
     return abs(sum(ax * by - bx * ay for (ax, ay), (bx, by) in pairwise((*ring, *ring[:1])))) / 2.0
 
 

@@ -29,7 +29,7 @@ from scenegen.lang.check.objects import canonical, categories, name_objects, pos
 from scenegen.lang.check.priors import circles, prior_statement, said_twice
 from scenegen.lang.check.regions import areas, level_clash, workspace
 from scenegen.lang.check.scope import LABEL, Declared, collect, prelude
-from scenegen.lang.check.sight import camera, camera_clash
+from scenegen.lang.check.sight import blind_cameras, camera, camera_clash
 from scenegen.lang.check.supports import (
     choices,
     clashing,
@@ -297,6 +297,7 @@ def lower_formulas(draft: Draft) -> None:
     scope = draft.scope
     if scope.cameras:
         draft.problems.extend(camera_clash(draft.lowering, draft.fixed))
+        draft.lowering.noticed.extend(blind_cameras(draft.lowering, draft.fixed))
     if draft.fixed and sum(place < len(scope.objects) for place in draft.fixed) == len(scope.objects):
         last = list(scope.things.values())[-1]
         draft.problems.append(NO_FREE_OBJECT(last.name.span(last.source)))

@@ -62,6 +62,22 @@ class SpecCamera:
         x, y, z = self.forward
         return -z, math.hypot(x, y)
 
+    @property
+    def sides(self) -> tuple[Space, ...]:
+        """The directions, of length 1, at right angles to the four planes through the eye and a side of the picture,
+        towards what is pictured."""
+        (ahead_x, ahead_y), (sin, cos) = self.ahead, self.slope
+        right = (ahead_y, -ahead_x, 0.0)
+        up = (sin * ahead_x, sin * ahead_y, cos)
+        tan_y = math.tan(self.field / 2.0)
+        found: list[Space] = []
+        for axis, tan in ((right, tan_y * self.aspect), (up, tan_y)):
+            scale = math.hypot(1.0, tan)
+            for sign in (1.0, -1.0):
+                x, y, z = ((tan * ahead + sign * one) / scale for ahead, one in zip(self.forward, axis, strict=True))
+                found.append((x, y, z))
+        return tuple(found)
+
 
 @dataclass(frozen=True, slots=True)
 class Support:

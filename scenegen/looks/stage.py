@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -154,9 +155,12 @@ def poses_of(file: SceneFile) -> npt.NDArray[np.float64]:
     return np.concatenate([poses, heights[..., None]], axis=2)
 
 
-def stage_of(file: SceneFile, *, distinct: bool = False) -> PictureSetup:
-    """The stage of a scenes file; `distinct` colours apart what looks the same. Raises DataError for sizes that cannot
-    be drawn, and where a scene lacks a pose."""
+def stage_of(
+    file: SceneFile, *, distinct: bool = False, held: Mapping[int, tuple[float, float, float]] | None = None
+) -> PictureSetup:
+    """The stage of a scenes file; `distinct` colours apart what looks the same. `held` are poses of objects that stand
+    there in every scene, by their numbers. Raises DataError for sizes that cannot be drawn, and where a scene lacks a
+    pose."""
     check_sizes(file)
     (x0, x1), (y0, y1) = file.workspace.x, file.workspace.y
     workspace = (x0, y0, x1, y1)
@@ -181,6 +185,7 @@ def stage_of(file: SceneFile, *, distinct: bool = False) -> PictureSetup:
     poses = poses_of(file)
     here = [poses[~np.isnan(poses[:, k, 0]), k] for k in range(len(shapes))]
     standing = [(shape.footprint, there) for shape, there in zip(shapes, here, strict=True) if len(there)]
+    standing += [(shapes[which].footprint, np.array([pose])) for which, pose in (held or {}).items()]
     lying = [(patch.footprint, np.array([patch.pose])) for patch in patches]
     inner, outer = _table(workspace, lying, MAX_REGION_GROWTH), _table(workspace, standing, MAX_TABLE_GROWTH)
     table = [*map(min, inner[:2], outer[:2]), *map(max, inner[2:], outer[2:])]

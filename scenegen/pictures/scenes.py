@@ -23,18 +23,21 @@ from scenegen.errors.requests import (
     UNKNOWN_CHOICE,
     WRONG_VALUE,
 )
-from scenegen.geometry import NUMPY
+from scenegen.geometry import NUMPY, Polygon
 from scenegen.lang.formula.core import Atom
 from scenegen.lang.formula.interpret import deciding_atom, evaluate
 from scenegen.lang.formula.interpret import phi as score
+from scenegen.lang.sights import sights_of
 from scenegen.lang.spec import CheckedSpec, combinations
+from scenegen.looks.overlay import hand_outlines, ring_of
 from scenegen.looks.stage import overlaps_of, usual_size
 from scenegen.needs import need
 from scenegen.pictures.figures import heatmap as heat
 from scenegen.pictures.figures.charts import phi_chart
-from scenegen.pictures.figures.dimensions import FigureObject, FigureScene, dimensions, short
+from scenegen.pictures.figures.dimensions import FigureObject, FigureScene, dimensions, outline, short
 from scenegen.pictures.figures.sheet import MAX_THUMBNAILS as MOST
 from scenegen.pictures.figures.sheet import contact_sheet, thumbnail_size
+from scenegen.pictures.figures.sights import FigureSights
 from scenegen.pictures.figures.strip import LAST_MS, PAGE_MS, animation, pages, strip, video
 from scenegen.pictures.figures.sweep import sweep
 from scenegen.pictures.figures.topview import topview
@@ -244,9 +247,11 @@ def topviews(job: Job) -> dict[str, bytes]:
             atom = spec.core.nodes[node]
             assert isinstance(atom, Atom)
             phi = values[spec.core.labels[chosen]]
+            sights, seen = _sights(spec, rows)
+            names = [f"{name}: {seen[place]}" if place in seen else name for place, name in enumerate(spec.objects)]
             things = [
                 FigureObject(name, shape.footprint, (float(x), float(y), float(theta)), inside=cells_of(shape))
-                for name, shape, (x, y, theta) in zip(spec.objects, spec.shapes, flat(as_poses(rows)), strict=False)
+                for name, shape, (x, y, theta) in zip(names, spec.shapes, flat(as_poses(rows)), strict=False)
             ]
             view = FigureScene(
                 [*zones, *things],
@@ -255,9 +260,35 @@ def topviews(job: Job) -> dict[str, bytes]:
                 marks=dimensions(spec.core, node, rows.tolist()),
                 caption=[f"{atom.text} decides", f"{chosen} = {short(phi)}"],
                 good=phi >= 0.0,
+                sights=sights,
             )
             made[f"{scene_name(int(number), len(scenes))}_topview.svg"] = topview(view, width=480).encode()
     return dict(sorted(made.items()))
+
+
+def _sights(spec: CheckedSpec, row: Array) -> tuple[FigureSights | None, dict[int, str]]:
+    """What robots and cameras do in a scene (3M,), and by object which shares of it are seen."""
+    found = sights_of(spec)
+    if found is None:
+        return None, {}
+    rows, poses = row[:, None], flat(as_poses(row))
+    places = [(float(x), float(y), float(theta)) for x, y, theta in poses]
+    foot = spec.heights or (0.0,) * len(spec.shapes)
+    rings = [
+        (places[which], ring_of(shape.arm, foot[which] or 0.0)) for which, shape in enumerate(spec.shapes) if shape.arm
+    ]
+    hands = [
+        tuple(
+            outline(Polygon(corners), places[one.thing])
+            for corners in hand_outlines(spec, one.thing, one.robot, float(one.yaw[0]))
+        )
+        for one in found.grips(rows)
+    ]
+    seen: dict[int, str] = {}
+    for one in found.views(rows):
+        words = f"{one.camera} sees {one.words(0)}"
+        seen[one.thing] = f"{seen[one.thing]}; {words}" if one.thing in seen else words
+    return FigureSights(rings, spec.cameras, hands), seen
 
 
 # Figure -> what makes its files: name -> bytes.

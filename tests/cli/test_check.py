@@ -284,6 +284,26 @@ def test_choices_are_told_in_words(scenegen, here):
     assert "mug stands on coaster.top" in out and "mug stands on workspace" in out and "mug.on" not in out
 
 
+def test_robots_cameras_and_choices_are_told(scenegen, here):
+    text = """robot arm = so101 at (0.5, 0.1, NORTH)
+camera front = at (0.5, -0.6, 0.7) looks at (0.5, 0.4, 0) fov 60 deg, 16:9
+camera side = at (0.5, 0.5, 0.5) looks at (0.5, 0.5, 0) fov 53.130102354 deg, 1:1
+region mat = rect(0.1, 0.5, 0.9, 0.9)
+object cup[2] on any of [mat: 7, workspace: 3], mug
+task: reachable(cup[1], arm)
+"""
+    (here / "told.spec").write_text(text)
+    told = scenegen("check", "told.spec")
+    assert told.err == ""
+    for line in (
+        "surfaces   cup[1], cup[2] on mat 70 % or workspace 30 %",
+        "robots     arm: so101 reaches 0.0631 to 0.268 m, -101 to 101 deg at the table, opens 0.07 m",
+        "cameras    front at (0.5, -0.6, 0.7), 60 deg, 16:9, pictures 100 % of the workspace",
+        "side at (0.5, 0.5, 0.5), 53.1 deg, 1:1, pictures 25 % of the workspace",
+    ):
+        assert line in told.out
+
+
 UGLY = "# Title\n\n\nobject mug,plate # two\ntask:leftOf( mug,plate )and(aboveOf(mug, plate))\n   # hanging\n"
 PRETTY = "# Title\n\nobject mug, plate  # two\ntask: leftOf(mug, plate) & aboveOf(mug, plate)\n    # hanging\n"
 BAD = "task: leftOf(mug plate)\nsafe: leftOf(mug,\n"

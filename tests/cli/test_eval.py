@@ -116,6 +116,27 @@ def test_a_file_of_one_scene_is_explained_at_once(scenegen, here):
     assert scenegen("eval", "good.spec", "s.json", "--explain").out.startswith("scene 1 of 1\n")
 
 
+def test_yaws_of_hands_and_shares_that_are_seen(scenegen, here):
+    (here / "seen.spec").write_text(
+        "robot arm = panda at (0.5, -0.25, NORTH)\ncamera front = at (0.5, -0.6, 0.7) looks at (0.5, 0.4, 0) "
+        "fov 60 deg, 4:3\nobject can, mug, bottle\nrequire noOverlap()\n"
+        "pick: graspable(can, arm)\nsee: visible(mug, front, 20 %, 70 %)\n"
+    )
+    asked = ("--phi", "pick=0:", "--phi", "see=0:", "-n", "3", "--seed", "1", "--out", "s.json")
+    assert scenegen("sample", "seen.spec", *asked).status == 0
+    table = scenegen("eval", "seen.spec", "s.json", "--explain").out.splitlines()
+    column = table[0].split("\t").index("front sees of mug")
+    shares = [line.split("\t")[column] for line in table[1:]]
+    assert all(20 <= int(one.removesuffix(" %")) <= 70 for one in shares)
+    (row,) = json.loads(scenegen("eval", "seen.spec", "s.json", "--explain", "--scene", "2", "--json").out)["scenes"]
+    (hand,), (seen,) = row["hands"], row["seen"]
+    assert (hand["object"], hand["robot"], seen["object"], seen["words"]) == ("can", "arm", "mug", shares[1])
+    assert 0.1 * min(seen["share"] - 0.2, 0.7 - seen["share"]) == pytest.approx(row["phi"]["see"])
+    told = scenegen("eval", "seen.spec", "s.json", "--explain", "--scene", "2").out.splitlines()
+    assert f"  can at {math.degrees(hand['yaw']):.4g} deg: arm has {hand['room']:.3g} m of room" in told
+    assert told[-1] == f"  front sees mug: {shares[1]}"
+
+
 UNSHOWN = {
     "--scene 3": "--scene shows one scene",
     "--explain --scene 41": "no scene 41",

@@ -54,9 +54,59 @@ def test_options_that_do_not_go_together(scenes, scenegen):
         (["--label", "task"], "--label goes with --figure"),
         (["--renderer", "opengl"], "unknown renderer `opengl`"),
         (["--view", "topp"], "did you mean `top`"),
+        (["--camera", "front"], "unknown camera `front`"),
+        (["--camera", "front", "--view", "top"], "--camera is a view"),
+        (["--camera", "front", "--figure", "sheet"], "--camera goes with pictures"),
     ):
         told = scenegen("render", "s.json", "--out", "no", *options, *SMALL)
         assert told.status == 1 and words in told.err and not (scenes / "no").exists()
+
+
+SEEN = """camera front = at (0.4, -0.5, 0.6) looks at (0.5, 0.5, 0) fov 40 deg, 3:2
+camera look = at (0.5, 0.5, 1.5) looks at (0.5, 0.5, 0) fov 50 deg, 1:1
+object mug, plate
+task: visible(mug, front)
+"""
+
+
+@pytest.mark.long
+def test_pictures_from_the_cameras_of_the_spec(here, scenegen):
+    """The picture is that of the camera: an object is where the file of cameras says, and a mask has it there."""
+    (here / "seen.spec").write_text(SEEN)
+    assert scenegen("sample", "seen.spec", "--phi", "0:", "-n", "2", "--out", "s.json").status == 0
+    told = scenegen("render", "s.json", "--out", "p", "--camera", "front", "--size", "150x100", "--masks")
+    assert told.status == 0, told.err
+    names = {f"scene_000{k}_front{end}" for k in (1, 2) for end in (".png", "_mask.png", ".npz")}
+    assert {path.name for path in (here / "p").iterdir()} == names | {"cameras.json", "contact_sheet.png"}
+    lens = json.loads((here / "p" / "cameras.json").read_text())["views"]["front"]
+    assert lens["intrinsics"]["fy"] == pytest.approx(50.0 / np.tan(np.radians(20.0)))
+    matrix = np.array(lens["world_to_camera"])
+    assert np.linalg.inv(matrix)[:3, 3] == pytest.approx([0.4, -0.5, 0.6])
+    for number, scene in enumerate(json.loads((here / "s.json").read_text())["scenes"], start=1):
+        plate = scene["poses"]["plate"]
+        x, y, z = (matrix @ (plate["x"], plate["y"], 0.02, 1.0))[:3]
+        u, v = (lens["intrinsics"]["fx"] * x / z + 75.0, lens["intrinsics"]["fy"] * y / z + 50.0)
+        mask = np.load(here / "p" / f"scene_000{number}_front.npz")["mask"]
+        if 1 < u < 149 and 1 < v < 99:
+            assert mask[int(v), int(u)] in (2, 3)  # the plate, or the mug before it
+    # a camera may have any name, and wears a look
+    told = scenegen("render", "s.json", "--out", "q", "--camera", "look", "--looks", "random", "--size", "60x60")
+    assert told.status == 0 and (here / "q" / "scene_0001_look.png").exists(), told.err
+    assert json.loads((here / "q" / "cameras.json").read_text())["views"]["look"]["intrinsics"]["cx"] == 30.0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["fron"], "did you mean `front`"),
+        (["front", "--size", "100x100"], "must be of the shape that `front` has, such as 679x453"),
+    ],
+)
+def test_cameras_that_are_not_there(here, scenegen, options, words):
+    (here / "seen.spec").write_text(SEEN)
+    assert scenegen("sample", "seen.spec", "-n", "1", "--out", "s.json").status == 0
+    told = scenegen("render", "s.json", "--out", "p", "--camera", *options)
+    assert told.status == 1 and words in told.err and not (here / "p").exists()
 
 
 def test_the_library_as_a_table_and_as_json(scenegen, golden, here):

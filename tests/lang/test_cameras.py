@@ -13,6 +13,7 @@ from scenegen.geometry import NUMPY, Circle, Polygon
 from scenegen.geometry.footprint import corners, edges
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.interpret import phi
+from scenegen.lang.sights import sights_of
 from scenegen.learn.robustness import Robustness
 from scenegen.looks.camera import from_place
 from scenegen.search.contract import contract_box
@@ -48,9 +49,29 @@ def test_the_words_of_a_camera_are_names_elsewhere():
     )
 
 
-def test_an_unused_camera_is_noticed():
-    (warning,) = check_text(CAMERA + "leftOf: leftOf(a, b)").warnings
-    assert warning.code == "unused-name" and warning.facts["name"] == "front"
+def test_a_camera_may_be_there_for_pictures_alone():
+    assert check_text(CAMERA + "leftOf: leftOf(a, b)").warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("eye", "target", "blind"),
+    [
+        ("(0.5, -0.6, 0.7)", "(0.5, 0.4, 0)", False),
+        ("(0.5, -0.6, 0.7)", "(0.5, -2, 0)", True),  # behind it
+        ("(0.5, 0.5, 0.7)", "(0.5, 0.5, 2)", True),  # up
+        ("(0.5, -0.6, 0.7)", "(3, 1.2, 0)", False),  # a corner of the table is at the side of the picture
+        ("(0.5, -0.6, 0.7)", "(3, -0.5, 0)", True),
+        ("(0.5, -0.6, 0.02)", "(0.5, 0.4, 0.6)", False),  # tall things reach into the picture
+        ("(0.5, -0.6, 0.7)", "(0.5, 0.4, 1.7)", True),
+    ],
+)
+def test_a_camera_that_looks_away_from_everything_is_noticed(eye, target, blind):
+    """No object is within its picture in any of 20,000 scenes, and where nothing is said, one is."""
+    text = f"camera one = at {eye} looks at {target} fov 40 deg, 4:3\n{THINGS}task: leftOf(mug, carton)\n"
+    spec = check_text(text)
+    assert [one.code for one in spec.warnings] == ["blind-camera"] * blind
+    seen = sights_of(spec).views(scenes(20_000))
+    assert any(one.any.any() for one in seen) == (not blind)
 
 
 def test_definitions_take_cameras_and_replace_those_of_the_prelude():

@@ -55,6 +55,37 @@ def test_check_describes_a_spec_and_lists_its_problems(tmp_path):
     assert problems == {"problems": []}
 
 
+SEEN = (
+    "robot arm = panda at (0.5, -0.25, NORTH)\nrobot other = so101 at (0.9, 0.9, WEST)\n"
+    "camera front = at (0.5, -0.6, 0.7) looks at (0.5, 0.4, 0) fov 60 deg, 4:3\n"
+    "object can, mug, bottle\nrequire noOverlap()\ntask: graspable(can, arm) & visible(mug, front, 20 %, 70 %)\n"
+)
+
+
+def test_check_says_what_robots_reach_and_cameras_picture(tmp_path):
+    spec = do("check", tmp_path, text=SEEN)[0]["spec"]
+    rings = {one["name"]: one["ring"] for one in spec["objects"]}
+    assert rings["can"] is None and rings["arm"]["bearing"] is None and len(rings["other"]["bearing"]) == 2
+    assert 0.05 < rings["arm"]["nearest"] < 0.1 < 0.75 < rings["arm"]["farthest"] < 0.85
+    (front,) = spec["cameras"]
+    assert front["name"] == "front" and front["outside"] and len(front["corners"]) > 3
+    assert spec["table"][1] < -0.3  # the base beside the workspace is on the table
+    assert do("check", tmp_path)[0]["spec"]["cameras"] == []
+
+
+def test_evaluate_says_what_is_seen_and_where_hands_are(tmp_path):
+    poses = [[[0.5, -0.25, np.pi / 2], [0.9, 0.9, np.pi], [0.3, 0.3, 0.0], [0.6, 0.5, 0.0], [0.58, 0.3, 0.0]]]
+    (found,) = do("evaluate", tmp_path, text=SEEN, poses=poses, why=True)
+    (seen,), (hand,) = found["seen"], found["hands"]
+    assert (seen["camera"], seen["thing"]) == ("front", 3) and 0.0 < seen["share"] < 1.0
+    assert seen["words"] == f"{100 * seen['share']:.0f} %"
+    assert (hand["thing"], hand["robot"], len(hand["boxes"])) == (2, 0, 3) and hand["room"] > 0.0
+    sight = SEEN.replace("graspable(can, arm) & ", "")
+    (alone,) = do("evaluate", tmp_path, text=sight, poses=poses)
+    assert 0.1 * min(seen["share"] - 0.2, 0.7 - seen["share"]) == pytest.approx(alone["phi"]["task"][0], abs=1e-9)
+    assert "seen" not in do("evaluate", tmp_path, poses=[poses[0][2:4]], why=True)[0]
+
+
 def test_check_of_a_mistake_has_problems_alone(tmp_path):
     described, problems = do("check", tmp_path, text="leftof(mug, plate)")
     assert described == {"spec": None}

@@ -15,7 +15,7 @@ const spec = StreamLanguage.define<{ after: string }>({
     if (stream.eatSpace()) return null;
     if (stream.match(/^#.*/)) return "comment";
     if (stream.match(/^"[^"]*"?/)) return "string";
-    if (stream.match(/^\d+(?:\.\d+)?(?:[eE][+-]?\d+)?(?:\s*(?:(?:mm|cm|m|rad|deg|turn)(?:\/s)?|s|ms|min|steps?)\b)?/)) {
+    if (stream.match(/^\d+(?:\.\d+)?(?:[eE][+-]?\d+)?(?:\s*(?:(?:(?:mm|cm|m|rad|deg|turn)(?:\/s)?|s|ms|min|steps?)\b|%))?/)) {
       state.after = "";
       return "number";
     }
@@ -25,9 +25,9 @@ const spec = StreamLanguage.define<{ after: string }>({
       state.after = word;
       if (before === "." ) return "propertyName";
       if (STATEMENTS.has(word) && !(word === "workspace" && !stream.sol() && stream.column() > 0)) return "keyword";
-      if ((word === "time" && stream.column() === 0 && stream.match(/^\s*[\d[]/, false)) || (word === "robot" && stream.match(/^\s+[A-Za-z_]\w*\s*[=\[]/, false)) || (word === "moves" && stream.column() === 0 && stream.match(/^\s*(one|all)\b/, false))) return "keyword";
+      if ((word === "time" && stream.column() === 0 && stream.match(/^\s*[\d[]/, false)) || ((word === "robot" || word === "camera") && stream.match(/^\s+[A-Za-z_]\w*\s*[=\[]/, false)) || (word === "moves" && stream.column() === 0 && stream.match(/^\s*(one|all)\b/, false))) return "keyword";
       if (TIMES.has(word) && stream.match(/^\s*[[(!¬A-Za-z]/, false)) return "operatorKeyword";
-      if (WORDS.has(word)) return "operatorKeyword";
+      if (WORDS.has(word) || (word === "looks" && stream.match(/^\s+at\b/, false)) || (word === "fov" && stream.match(/^\s+[\d(A-Za-z_]/, false))) return "operatorKeyword";
       if (before === "def") return "definition";
       if (stream.match(/^\s*:(?!=)/, false) && stream.column() === 0) return "labelName";
       if (stream.match(/^\s*\(/, false)) return "function";

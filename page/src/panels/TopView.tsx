@@ -3,11 +3,12 @@ import { useRef } from "preact/hooks";
 import { hold, moved, place } from "../hands";
 import { marks as measured, moments, trails } from "../motions";
 import { bases, heat, lit, movable, names, poses, request, result, shown, spec, thing } from "../state";
-import { EDGES, lowestFirst, TINTS } from "../scene/top2d";
-import type { Footprint, Mark, Pose, Spec } from "../types";
+import { at, EDGES, lowestFirst, TINTS } from "../scene/top2d";
+import type { Footprint, Mark, Spec } from "../types";
 import { apart, PIXELS, shortened, type Box, type Letters, type Tag } from "../scene/apart";
 import { outline, reach } from "../scene/reach";
 import { corner } from "../scene/stage3d";
+import { cameraNames, Frames, Hands, Rings, share } from "./Sights";
 import { number, round125, spoken, spokenText } from "../words";
 
 function path(footprint: Footprint): string {
@@ -17,8 +18,6 @@ function path(footprint: Footprint): string {
   }
   return `M${footprint.corners!.map((one) => one.join(" ")).join("L")}Z`;
 }
-
-const at = ([x, y, theta]: Pose) => `translate(${x} ${y}) rotate(${(180 * theta) / Math.PI})`;
 
 function Dimension({ mark, side }: { mark: Mark; side: number }) {
   const wide = 0.0032 * side;
@@ -96,7 +95,8 @@ function nameTags(now: Spec, side: number): Tag[] {
     const of = { x0: Math.min(...xs), x1: Math.max(...xs), y0: Math.min(...ys), y1: Math.max(...ys) };
     boxes.push(of);
     const kind = thing.value === one.name ? "chosen" : lit.value === one.name ? "lit" : "name";
-    if (kind !== "name" || names.value || now.objects.length <= NAMED) tags.push({ x: 0, y: 0, kind, of, text: kind === "name" ? shortened(one.name) : one.name });
+    const seen = share(now, k);
+    if (kind !== "name" || names.value || seen || now.objects.length <= NAMED) tags.push({ x: 0, y: 0, kind, of, text: `${kind === "name" ? shortened(one.name) : one.name}${seen ? ` ${seen}` : ""}` });
   });
   const [x0, y0, x1, y1] = now.table;
   return apart(tags, boxes, { x0, x1, y0: -y1, y1: -y0 }, letters);
@@ -174,6 +174,8 @@ export function TopView() {
         {now.regions.map((one) => <path key={one.name} d={path(one.footprint)} transform={at(one.pose)} class="zone" stroke-width={line} stroke-dasharray={one.height ? `${6 * line} ${3 * line}` : undefined} />)}
         {named(now).map(({ x, y, text }) => <Text key={text} x={x} y={y} size={0.024 * side} kind="zone-name">{text}</Text>)}
         <rect class="frame" x={x[0]} y={y[0]} width={x[1] - x[0]} height={y[1] - y[0]} stroke-width={line} />
+        <Rings now={now} line={line} />
+        <Frames now={now} line={line} side={side} />
         <Heat now={now} />
         {lowestFirst(bases.value, now.objects.length).map((k) => {
           const one = now.objects[k], pose = poses.value[k];
@@ -189,7 +191,9 @@ export function TopView() {
             </g>
           );
         })}
+        <Hands now={now} line={line} />
         <Axes now={now} side={side} />
+        {cameraNames(now, side).map(([u, v, text]) => <Text key={text} x={u} y={v} size={0.024 * side} kind="camera-name">{text}</Text>)}
         {nameTags(now, side).map(({ x, y, text, kind, line: lead }) => (
           <g key={text}>
             {lead ? <line x1={lead[0]} y1={-lead[1]} x2={lead[2]} y2={-lead[3]} class="leader" stroke-width={0.7 * line} /> : null}

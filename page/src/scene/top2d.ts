@@ -18,6 +18,9 @@ export function outline(context: CanvasRenderingContext2D, footprint: Footprint,
   context.closePath();
 }
 
+/** Where a group of SVG stands that is drawn in the frame of a pose. */
+export const at = ([x, y, theta]: Pose) => `translate(${x} ${y}) rotate(${(180 * theta) / Math.PI})`;
+
 const LIGHT = { paper: "#fbfaf6", zone: "#efece0", edge: "#b4b4b0", alpha: 1 };
 const DARK = { paper: "#20242a", zone: "#2a3037", edge: "#515964", alpha: 0.3 };
 

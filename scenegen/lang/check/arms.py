@@ -147,6 +147,7 @@ def arm_function(lowering: Lowering, name: str, values: Mapping[str, Value], nod
     yaw = lowering.constant(given, node, frame, "a yaw", BARE, ANGLE)
     lowering.refuse_degrees([given, NumberValue(given.node, ANGLE, origin=given.origin)])
     number = _room_for_hand(lowering, thing.index, base, arm, yaw, depth)
+    lowering.hands[thing.index, base, yaw, depth] = number
     shown = f"handRoom({lowering.text(thing)}, {lowering.text(robot)}, {math.degrees(yaw):.4g} deg)"
     if lowering.builder.value(number) is None:
         lowering.builder.called.setdefault(number, shown)

@@ -122,6 +122,8 @@ class Lowering(ABC):
         self.numbered = False  # whether something asks how many things there are
         self.calls: dict[int, list[tuple[str, ast.Expr, str]]] = {}
         self.named_in: dict[int, set[str]] = {}  # the names in a quantifier
+        self.seen: dict[tuple[int, str], None] = {}  # objects and cameras of shares that formulas ask for
+        self.hands: dict[tuple[int, int, float, float], int] = {}  # object, robot, yaw and depth of a hand: its room
 
     def spend(self, steps: int, frame: CallFrame) -> None:
         """Counts what is expanded. Raises FormulaTooLarge."""

@@ -362,7 +362,7 @@ def find_unused(
                     if parameter.name.id not in inside:
                         here, reason = parameter.name.span(one.source), f"the body of `{name.id}` has none"
                         out.append(UNUSED_NAME(here, kind="parameter", name=parameter.name.id, reason=reason))
-            case ast.Constant(name) | ast.Region(name) | ast.CameraDeclaration(name):
+            case ast.Constant(name) | ast.Region(name):  # pictures are drawn from cameras that no formula names
                 if name.id not in by_anything:
                     kind = type(one.statement).__name__.lower()
                     out.append(

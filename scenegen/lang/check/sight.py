@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, Source, Span, SpecError
 from scenegen.errors.declarations import (
+    BLIND_CAMERA,
     MEASURED_TOO_EARLY,
     SIZE_OUT_OF_RANGE,
     TOO_MANY_CASES,
@@ -28,6 +29,7 @@ from scenegen.lang.check.scope import Declared
 from scenegen.lang.check.values import AnyValue, CallFrame, CameraValue, ListValue, NumberValue, ObjectValue, Value
 from scenegen.lang.spec import LEVEL, Pose, Space, SpecCamera, Support
 from scenegen.lang.syntax import ast
+from scenegen.things.surfaces import reach_of
 
 if TYPE_CHECKING:
     from scenegen.lang.check.lowering import Lowering
@@ -93,6 +95,31 @@ def camera_clash(lowering: Lowering, fixed: Mapping[int, Pose]) -> list[Diagnost
     return problems
 
 
+def blind_cameras(lowering: Lowering, fixed: Mapping[int, Pose]) -> list[Diagnostic]:
+    """A warning for each camera whose picture can have none of the objects: a box around all places that they can take
+    is behind it, or beyond a side of its picture."""
+    reach = max((reach_of(shape.footprint) for shape in lowering.shapes), default=0.0)
+    places = [*zip(lowering.space.x, lowering.space.y, strict=True), *((x, y) for x, y, _ in fixed.values())]
+    ends = [(min(values) - reach, max(values) + reach) for values in zip(*places, strict=True)]
+    # as high as all things and boards on each other
+    tall = sum(shape.height for shape in lowering.shapes) + sum(area.z for area in lowering.areas.values())
+    corners = [(x, y, z) for x in ends[0] for y in ends[1] for z in (0.0, tall)]
+    problems = []
+    for name, seer in lowering.cameras.items():
+        for way in (seer.forward, *seer.sides):
+            if all(_dot(way, corner) < _dot(way, seer.eye) for corner in corners):
+                declared = lowering.scope.cameras[name]
+                assert isinstance(declared.statement, ast.CameraDeclaration)
+                here = declared.statement.target.span(declared.source)
+                problems.append(BLIND_CAMERA(here, name=name))
+                break
+    return problems
+
+
+def _dot(way: Space, point: Space) -> float:
+    return sum(one * place for one, place in zip(way, point, strict=True))
+
+
 def check_shares(lowering: Lowering, least: Value, most: Value, node: ast.Call, frame: CallFrame) -> None:
     """Raises SpecError for shares that are none, or that cross."""
     ends = []
@@ -133,13 +160,14 @@ def sight_function(lowering: Lowering, name: str, values: list[Value], node: ast
     if not isinstance(seer, CameraValue):
         raise lowering.coerce.wrong(seer, "a camera", f"the last argument of `{name}`")
     if name == "viewRoom":
-        return NumberValue(_room(lowering, which[0], seer.camera), LENGTH, origin=origin)
+        return NumberValue(room_of(lowering, which[0], seer.camera), LENGTH, origin=origin)
     if name == "shadowGap":
         if which[0] == which[1]:
             raise lowering.error(SAME_ARGUMENT_TWICE, node, frame, name=name)
         number = _shadow(lowering, which[0], which[1], seer.camera)
     else:
-        number = _share(lowering, which[0], seer.camera)
+        lowering.seen[which[0], seer.camera.name] = None
+        number = share_of(lowering, which[0], seer.camera)
     if number is None:
         raise lowering.error(TOO_MANY_CASES, node, frame, limit=MOST_CASES)
     if lowering.builder.value(number) is None:
@@ -147,28 +175,22 @@ def sight_function(lowering: Lowering, name: str, values: list[Value], node: ast
     return NumberValue(number, SHARE if name == "visibleShare" else LENGTH, origin=origin)
 
 
-def _room(lowering: Lowering, which: int, seer: SpecCamera) -> int:
+def room_of(lowering: Lowering, which: int, seer: SpecCamera, *, farthest: bool = False) -> int:
     """The distance of an object's body from the four planes through the eye and a side of the picture, the least of
-    them: of its corner that is nearest to each, and negative beyond it."""
+    them: of its corner that is nearest to each, or `farthest` from it, and negative beyond it."""
     builder = lowering.builder
     x, y, theta = pose_of(lowering, which)
     low, own = level(lowering, which), lowering.shapes[which].height
-    (ahead_x, ahead_y), (sin, cos) = seer.ahead, seer.slope
-    right = (ahead_y, -ahead_x, 0.0)
-    up = (sin * ahead_x, sin * ahead_y, cos)
-    tan_y = math.tan(seer.field / 2.0)
-    sides = [(axis, sign, tan) for axis, tan in ((right, tan_y * seer.aspect), (up, tan_y)) for sign in (1.0, -1.0)]
+    sign, end = (1.0, max) if farthest else (-1.0, min)
     rooms = []
-    for axis, sign, tan in sides:
-        scale = math.hypot(1.0, tan)
-        nx, ny, nz = ((tan * ahead + sign * one) / scale for ahead, one in zip(seer.forward, axis, strict=True))
-        base = min(nz * own, 0.0) - sum(one * place for one, place in zip((nx, ny, nz), seer.eye, strict=True))
+    for nx, ny, nz in seer.sides:
+        base = end(nz * own, 0.0) - sum(one * place for one, place in zip((nx, ny, nz), seer.eye, strict=True))
         parts = [(nx, x), (ny, y), (nz, low)]
         flat = math.hypot(nx, ny)
         if flat > LEVEL:
-            heading = builder.const(math.atan2(-ny, -nx))
+            heading = builder.const(math.atan2(sign * ny, sign * nx))
             reach = builder.apply("reach", (x, y, theta, heading), (lowering.coerce.covers(which),))
-            parts.append((-flat, reach))
+            parts.append((sign * flat, reach))
         room = builder.const(base)
         for factor, number in parts:
             room = builder.apply("add", (builder.apply("mul", (builder.const(factor), number)), room))
@@ -232,7 +254,7 @@ def _hiders(lowering: Lowering, which: int) -> list[int]:
     return [one for one in others if one != which and not _stands_on(which, one, lowering.supports)]
 
 
-def _share(lowering: Lowering, which: int, seer: SpecCamera) -> int | None:
+def share_of(lowering: Lowering, which: int, seer: SpecCamera) -> int | None:
     """The share of a body's silhouette that nothing hides."""
     builder = lowering.builder
     others = _hiders(lowering, which)

@@ -18,6 +18,8 @@ from scenegen.api.spec import Spec
 from scenegen.geometry import Box, Circle, Footprint
 from scenegen.geometry.footprint import corners
 from scenegen.lang.formula.core import REQUIRE
+from scenegen.lang.spec import CheckedSpec
+from scenegen.looks.overlay import frame_of, ring_of
 from scenegen.looks.stage import TALLEST, TALLEST_DECLARED, WOOD, PictureObject, PictureSetup
 from scenegen.page.jobs import evaluate, motions
 from scenegen.page.jobs.source import header_of, stage_of_spec
@@ -56,6 +58,7 @@ def describe(spec: Spec) -> dict[str, Any]:
                 "mesh": mesh_key(thing),
                 "fixed": list(checked.fixed[index]) if index in checked.fixed else None,
                 "surfaces": surfaces_of(header.objects[index]),
+                "ring": _ring(checked, index),
             }
             for index, (name, shape, thing) in enumerate(zip(spec.objects, checked.shapes, stage.things, strict=True))
         ],
@@ -70,12 +73,22 @@ def describe(spec: Spec) -> dict[str, Any]:
             }
             for region, patch in zip(checked.regions, stage.patches, strict=True)
         ],
+        "cameras": [asdict(frame_of(one, stage.table)) for one in checked.cameras],
         "labels": [{"name": name, "bounds": plain(bounds[name])} for name in spec.labels],
         "requires": REQUIRE in trees,
         "trees": trees,
         "time": _time(spec),
         "most": most_scenes(len(spec.objects)) if spec.horizon is None else motions.most_of(spec),
     }
+
+
+def _ring(spec: CheckedSpec, which: int) -> dict[str, Any] | None:
+    """What a robot reaches at the table; None of other objects."""
+    arm = spec.shapes[which].arm
+    if arm is None:
+        return None
+    foot = spec.heights[which] if spec.heights else 0.0
+    return asdict(ring_of(arm, foot or 0.0))
 
 
 def _time(spec: Spec) -> dict[str, Any] | None:

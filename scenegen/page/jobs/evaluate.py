@@ -21,6 +21,9 @@ from scenegen.geometry import NUMPY
 from scenegen.lang.formula.core import Core
 from scenegen.lang.formula.interpret import deciding_atom, is_constant, settled_atoms
 from scenegen.lang.formula.interpret import evaluate as interpret
+from scenegen.lang.sights import sights_of
+from scenegen.lang.spec import CheckedSpec
+from scenegen.looks.overlay import hand_outlines
 from scenegen.page.jobs.source import (
     MAX_LINE_NODES,
     Json,
@@ -121,6 +124,31 @@ def reasons(spec: Spec, scenes: SceneSet) -> dict[str, Any]:
         "values": trees.values(values),
         "decides": {label: _decides(spec, label, values, plain) for label in core.labels},
         "overlaps": [[spec.objects[a], spec.objects[b]] for a, b in pairs],
+        **_sights(spec.checked, rows),
+    }
+
+
+def _sights(spec: CheckedSpec, rows: Array) -> dict[str, Any]:
+    """Of a scene's rows (3M, 1): the shares that cameras see, and the hands that formulas try, each at its best yaw, as
+    outlines in the frame of the object."""
+    sights = sights_of(spec)
+    if sights is None:
+        return {}
+    return {
+        "seen": [
+            {"camera": one.camera, "thing": one.thing, "share": float(one.share[0]), "words": one.words(0)}
+            for one in sights.views(rows)
+        ],
+        "hands": [
+            {
+                "thing": one.thing,
+                "robot": one.robot,
+                "yaw": float(one.yaw[0]),
+                "room": float(one.room[0]),
+                "boxes": hand_outlines(spec, one.thing, one.robot, float(one.yaw[0])),
+            }
+            for one in sights.grips(rows)
+        ],
     }
 
 

@@ -122,7 +122,7 @@ def header_of(spec: Spec) -> SceneFile:
 @lru_cache(maxsize=2)
 def stage_of_spec(spec: Spec) -> PictureSetup:
     """The table of a spec without any scene on it."""
-    return stage_of(header_of(spec))
+    return stage_of(header_of(spec), held=spec.definition.fixed)
 
 
 Result = TypeVar("Result")

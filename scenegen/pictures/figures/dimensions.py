@@ -15,6 +15,7 @@ from scenegen.geometry import PRIMITIVES, Box, Circle, Footprint, Polygon
 from scenegen.geometry.footprint import corners
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, children
 from scenegen.lang.formula.interpret import evaluate
+from scenegen.pictures.figures.sights import FigureSights
 from scenegen.pose import FLAT, THETA, X, Y, row_of, span_of
 
 # Where a clearance is measured: the two points whose distance is gap(a, b) or room(a, b), for drawings.
@@ -167,6 +168,7 @@ class FigureScene:
     marks: Sequence[Mark] = ()
     caption: Sequence[str] = ()
     good: bool | None = None
+    sights: FigureSights | None = None
 
 
 UNIT = 1e-9  # tolerance for weights of coordinates that count as 1 and are drawn to scale
@@ -182,7 +184,7 @@ def dimensions(core: Core, atom: int, rows: Sequence[float]) -> list[Mark]:
     values = evaluate(core, rows)
     good = values[atom] >= 0.0
     marks: list[Mark] = []
-    for index in _below(core, node.margin):
+    for index in _below(core, node.margin, values):
         part = core.nodes[index]
         if isinstance(part, Apply):
             marks.extend(_marks(core, part, index, values, rows, good))
@@ -204,15 +206,20 @@ def short(value: float) -> str:
     return "0" if text == "-0" else text.replace("-", "\N{MINUS SIGN}")
 
 
-def _below(core: Core, root: int) -> Iterator[int]:
-    """The nodes that a number is computed from, each once, parents first."""
+def _below(core: Core, root: int, values: Sequence[float] | None = None) -> Iterator[int]:
+    """The nodes that a number is computed from, each once, parents first; with the `values` of a scene, of a minimum or
+    a maximum only those that it is."""
     seen, stack = set[int](), [root]
     while stack:
         index = stack.pop()
         if index not in seen:
             seen.add(index)
             yield index
-            stack.extend(reversed(children(core.nodes[index])))
+            node = core.nodes[index]
+            below = children(node)
+            if values is not None and isinstance(node, Apply) and node.primitive in ("min", "max"):
+                below = tuple(one for one in below if values[one] == values[index])
+            stack.extend(reversed(below))
 
 
 def _marks(

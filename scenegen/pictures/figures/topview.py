@@ -13,6 +13,7 @@ from xml.sax.saxutils import escape
 
 from scenegen.geometry import Box, Circle, Footprint, Polygon
 from scenegen.pictures.figures.dimensions import Dimension, FigureObject, FigureScene, Guide, Mark, Point, Turn, outline
+from scenegen.pictures.figures.sights import draw_above, draw_below
 
 EM = 0.62  # width of a character in a sans-serif font such as DejaVu Sans, relative to the font size
 LINE_POINT_GAP = 3.0  # pixels between the points that represent a line
@@ -122,10 +123,10 @@ class _Panel:
 
     def __init__(self, view: FigureScene, width: int) -> None:
         self.view, self.width = view, width
-        self.left, right = _drawn_interval(view.x, [end for thing in view.things for end in _extent(thing, 0)])
-        low, self.top = _drawn_interval(view.y, [end for thing in view.things for end in _extent(thing, 1)])
-        self.scale = (width - 2 * MARGIN) / (right - self.left)
-        self.bottom = MARGIN + (self.top - low) * self.scale
+        self.left, self.right = _drawn_interval(view.x, [end for thing in view.things for end in _extent(thing, 0)])
+        self.low, self.top = _drawn_interval(view.y, [end for thing in view.things for end in _extent(thing, 1)])
+        self.scale = (width - 2 * MARGIN) / (self.right - self.left)
+        self.bottom = MARGIN + (self.top - self.low) * self.scale
         self.floor = self.bottom
         self.labels = Labels(Rect(2.0, 2.0, width - 2.0, self.bottom + MARGIN - 2.0))
 
@@ -143,6 +144,9 @@ class _Panel:
         for thing in view.things:
             if thing.zone:
                 out += self._outline(thing, ZONE, ZONE_EDGE, 'stroke-dasharray="4 2"')
+        around = self.left, self.low, self.right, self.top
+        if view.sights is not None:
+            out += draw_below(view.sights, around, self.pixel)
         for thing in sorted(objects, key=lambda thing: -self._box(thing).area):  # objects on a tray stay visible
             edge = EDGES[colors[id(thing)]]
             out += self._outline(thing, thing.tint or TINTS[colors[id(thing)]], edge, "")
@@ -151,6 +155,8 @@ class _Panel:
                 out.append(f'<polygon points="{points}" fill="none" stroke="{edge}" stroke-width="0.6"/>')
             out += self._heading(thing, edge)
             self.labels.avoid(self._box(thing), 0.1)
+        if view.sights is not None:
+            out += draw_above(view.sights, around, self.pixel)
         for mark in view.marks:
             out += self._mark(mark)
         out = [opening, *self._clip(out, shift)]
@@ -167,7 +173,7 @@ class _Panel:
         """The drawing, clipped at the frame if it extends over it: captions and other views are outside."""
         frame = self.labels.frame
         boxes = [self._box(thing) for thing in self.view.things]
-        if not any(frame.shared_area(box) < box.area * (1.0 - 1e-9) for box in boxes):
+        if self.view.sights is None and not any(frame.shared_area(box) < box.area * (1.0 - 1e-9) for box in boxes):
             return drawn
         size = f'width="{_n(frame.right - frame.left)}" height="{_n(frame.bottom - frame.top)}"'
         rect = f'<rect x="{_n(frame.left)}" y="{_n(frame.top)}" {size}/>'

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,8 @@ from PIL import Image as Images
 from scenegen.errors import RequestError, quote_names
 from scenegen.errors.program import NO_EGL
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE, WRONG_VALUE
-from scenegen.looks.camera import VIEWS
+from scenegen.lang.spec import SpecCamera
+from scenegen.looks.camera import VIEWS, Camera, frame, from_place
 from scenegen.looks.look import LOOK_VIEW
 from scenegen.things.colored_mesh import ColoredMesh
 from scenegen.things.palette import PALETTE
@@ -54,6 +56,26 @@ class PictureOptions:
     depth: bool = False
     masks: bool = False
     renderer: str = "software"
+    declared: SpecCamera | None = None  # the camera of a spec whose name the one view has
+
+    def is_of_look(self, view: str) -> bool:
+        """Whether a look places the camera of a view."""
+        return view == LOOK_VIEW and self.declared is None
+
+    def camera(self, view: str, points: npt.NDArray[np.float64]) -> Camera:
+        """The camera of a view that no look places; (P, 3) `points` are what there is to see."""
+        one = self.declared
+        if one is None:
+            return frame(view, points, self.size)
+        return from_place(points, self.size, np.array(one.eye), np.array(one.target), math.degrees(one.field))
+
+    def shift(self, x: float, y: float) -> PictureOptions:
+        """The same pictures where the origin is at (x, y)."""
+        one = self.declared
+        if one is None:
+            return self
+        eye, target = ((place[0] - x, place[1] - y, place[2]) for place in (one.eye, one.target))
+        return replace(self, declared=replace(one, eye=eye, target=target))
 
     @property
     def names(self) -> bool:
@@ -108,6 +130,31 @@ def _png_bytes(image: Images.Image) -> bytes:
 
 
 MIN_PICTURE_SIDE, MAX_PICTURE_SIDE = 16, 4096  # pixels along a side of a picture
+
+
+def declared_camera(cameras: Sequence[SpecCamera], name: str) -> SpecCamera:
+    """The camera of a spec that has this name. Raises RequestError where there is none."""
+    for one in cameras:
+        if one.name == name:
+            return one
+    example = "write `camera front = at (0.5, -0.6, 0.7) looks at (0.5, 0.4, 0) fov 60 deg, 4:3` in the spec"
+    known = tuple(one.name for one in cameras)
+    raise RequestError(UNKNOWN_CHOICE(what="camera", name=str(name), known=known, instead=None if known else example))
+
+
+def camera_size(camera: SpecCamera, wanted: tuple[int, int] | None) -> tuple[int, int]:
+    """The size of a camera's pictures in pixels: as wanted, or about as many as 640 x 480 has. Raises RequestError for
+    a size of another shape than the camera's."""
+    scale = math.sqrt(640.0 * 480.0)
+    scale = min(scale, MAX_PICTURE_SIDE / max(math.sqrt(camera.aspect), 1.0 / math.sqrt(camera.aspect)))
+    usual = round(scale * math.sqrt(camera.aspect)), round(scale / math.sqrt(camera.aspect))
+    if not isinstance(wanted, tuple | list) or len(wanted) != 2:
+        return usual if wanted is None else wanted  # which is refused
+    width, height = as_int("width", wanted[0]), as_int("height", wanted[1])
+    if abs(width - height * camera.aspect) > 1.0 and abs(height - width / camera.aspect) > 1.0:
+        shape = f"of the shape that `{camera.name}` has, such as {usual[0]}x{usual[1]}"
+        raise RequestError(OUT_OF_RANGE(argument="size", value=f"{width} x {height}", wanted=shape))
+    return width, height
 
 
 def check_request(views: tuple[str, ...], size: tuple[int, int], workers: int | None, *, looks: bool = False) -> None:

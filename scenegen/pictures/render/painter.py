@@ -21,8 +21,8 @@ import pybullet
 
 from scenegen.geometry import Polygon
 from scenegen.geometry.workspace import BOARD
-from scenegen.looks.camera import Camera, frame
-from scenegen.looks.look import LOOK_VIEW, Look, Tint
+from scenegen.looks.camera import Camera
+from scenegen.looks.look import Look, Tint
 from scenegen.looks.stage import WOOD, PictureRegion, PictureSetup
 from scenegen.looks.textures import Textures
 from scenegen.pictures.render.files import FIRST_ID, Image, Model, Picture, PictureOptions, RenderedView
@@ -96,10 +96,10 @@ class Painter:
             bare.add(slab.shift(*middle, -stage.thickness), WOOD if look is None else look.table)
             _, light, _ = bare.shoot(self._light, look)
             for view in self._options.views:
-                if view == LOOK_VIEW and look is not None:
+                if look is not None and self._options.is_of_look(view):
                     camera = look.camera(stage.corners(), self._options.size)
                 else:
-                    camera = frame(view, stage.corners(), self._options.size)
+                    camera = self._options.camera(view, stage.corners())
                 colors, depth, _ = bare.shoot(self._raw(camera), look)
                 self._lighting[view] = Lighting(
                     stage,

@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from scenegen.errors import DataError
-from scenegen.errors.requests import NO_SCENES
-from scenegen.looks.camera import USUAL_VIEWS, frame
+from scenegen.errors import DataError, RequestError
+from scenegen.errors.requests import CONFLICTING_ARGUMENTS, NO_SCENES
+from scenegen.looks.camera import USUAL_VIEWS
 from scenegen.looks.chart_style import PAPER
 from scenegen.looks.configuration import read_looks
 from scenegen.looks.look import LOOK_VIEW, LOOKS_FILE, Look, check_seed, looks_jsonl
@@ -31,8 +31,10 @@ from scenegen.pictures.render.files import (
     TABLE_ID,
     Model,
     PictureOptions,
+    camera_size,
     check_renderer,
     check_request,
+    declared_camera,
 )
 from scenegen.pictures.render.worker import RenderJob
 from scenegen.pose import flat
@@ -52,9 +54,9 @@ def cameras_json(file: SceneFile, stage: PictureSetup, options: PictureOptions, 
     middle of the first pixel is (0.5, 0.5)."""
     views: dict[str, Any] = {}
     for view in options.views:
-        if view == LOOK_VIEW:  # a camera for each picture: looks.jsonl has them
+        if options.is_of_look(view):  # a camera for each picture: looks.jsonl has them
             continue
-        camera = frame(view, stage.corners(), options.size)
+        camera = options.camera(view, stage.corners())
         kind = "orthographic" if camera.orthographic else "perspective"
         views[view] = {
             "kind": kind,
@@ -81,7 +83,7 @@ def looks_record(looks: Sequence[Look], seed: int, stage: PictureSetup, options:
     """`looks.jsonl`: each scene's pictures and look, with the camera of the view "look" if that is drawn."""
     names = [f"{scene_name(number, len(looks))}_" for number in range(1, len(looks) + 1)]
     files = [("pictures", [f"{name}{view}.png" for view in options.views]) for name in names]
-    own = LOOK_VIEW in options.views
+    own = any(map(options.is_of_look, options.views))
     cameras = [look.camera(stage.corners(), options.size) if own else None for look in looks]
     return looks_jsonl(looks, seed, files, cameras)
 
@@ -106,6 +108,7 @@ def draw(
     places = places_of(stage, poses)
     stage, origin = stage.near_origin()
     places[..., :2] -= origin
+    options = options.shift(*origin)
     given = [None] * len(places) if looks is None else [look.shift(*origin) for look in looks]
     job = RenderJob(stage, options, models, textures)
     with Pool(job, workers, what="a process that draws", unit="scene", spare="a smaller size or fewer workers") as pool:
@@ -138,6 +141,7 @@ def render_scenes(
     out: Path,
     *,
     views: tuple[str, ...] | None = None,
+    camera: str | None = None,
     size: tuple[int, int] | None = None,
     distinct: bool = False,
     transparent: bool = False,
@@ -156,7 +160,8 @@ def render_scenes(
     Files are scene_0001_top.png, scene_0001_perspective.png, ..., contact_sheet.png and cameras.json (see `rig`).
     `views` are of "top" (straight down, x to the right, y up), "perspective" and "front" (from the viewer's side, -y,
     looking towards +y, from high and from low) and "three-quarter" (from the right of it). `size` is (width, height) in
-    pixels, by default (640, 480) for a square workspace and wider for a wide one (`usual_size`). `distinct` gives
+    pixels, by default (640, 480) for a square workspace and wider for a wide one (`usual_size`). `camera` is the name
+    of a camera that the scenes' spec declares: then it is the one view, and `size` has its shape. `distinct` gives
     objects that would look the same different colours. `transparent` leaves the ground below the table out. With
     `depth`, scene_0001_top_depth.png holds tenths of millimetres in 16 bits; with `masks`, scene_0001_top_mask.png
     holds the number of what each pixel shows, as cameras.json lists them; both also as arrays `depth` (float32, metres)
@@ -180,17 +185,24 @@ def render_scenes(
     Raises RequestError for a wrong view, size or number of workers and if pybullet is not installed, DataError for a
     file without scenes or a mesh that cannot be drawn, OutputError if a file cannot be written.
     """
+    declared = None
+    if camera is not None:
+        if views is not None:
+            raise RequestError(CONFLICTING_ARGUMENTS(one="camera", other="views"))
+        declared = declared_camera(file.spec.checked_spec.cameras, camera)
+        size = camera_size(declared, size)
     size = usual_size(file) if size is None else size
     if views is None:
         views = USUAL_VIEWS if looks is None else (LOOK_VIEW,)
     check_request(views, size, workers, looks=looks is not None)
+    views = views if declared is None else (declared.name,)
     given = None if looks is None else read_looks(looks)
     names_of_things = [item.name for item in file.objects]
     drawn = None if given is None else given.draw_looks(check_seed(seed), len(file.scenes), names_of_things)
     need("pybullet", "to draw pictures")
     views = tuple(dict.fromkeys(views))
     check_renderer(renderer)
-    options = PictureOptions(views, size, transparent, depth, masks, renderer)
+    options = PictureOptions(views, size, transparent, depth, masks, renderer, declared)
     if not file.scenes:
         raise DataError(NO_SCENES())
     stage, poses = stage_of(file, distinct=distinct), poses_of(file)
@@ -199,7 +211,7 @@ def render_scenes(
     models = () if meshes is None else models_of(file, meshes)
     textures = None if given is None else Textures(given.files)
     total = len(file.scenes)
-    shown_view = next(view for view in SHEET_VIEWS if view in views)
+    shown_view = views[0] if declared else next(view for view in SHEET_VIEWS if view in views)
     small = thumbnail_size(size, total)
     thumbnails: list[Image.Image] = []
     names: list[str] = []

@@ -394,3 +394,46 @@ def test_large_letters_and_large_screens(serve, tab):
     one.page.click("button:has-text('Grid')")
     boxes = [button.bounding_box() for button in one.page.locator(".grid button[data-scene]").all()]
     assert boxes[0]["width"] > 230 and max(box["y"] + box["height"] for box in boxes) > 1000
+
+
+SIGHTS = """robot arm = so101 at (0.5, 0.3, NORTH)
+camera front = at (0.5, 0.05, 0.45) looks at (0.5, 0.6, 0) fov 40 deg, 4:3
+object mug, bottle, lemon
+require noOverlap() & insideWorkspace(others(arm))
+task: graspable(lemon, arm) & visible(mug, front, 30 %, 90 %)
+"""
+
+
+def test_rings_frames_hands_and_shares_in_the_view_from_above(serve, tab, tmp_path):
+    one = open_text(serve, tab, tmp_path, SIGHTS)
+    one.page.keyboard.press("v")
+    one.page.wait_for_selector("svg.top .hand", state="attached")
+    assert one.page.locator("svg.top .ring").count() == one.page.locator("svg.top .camera-frame").count() == 1
+    assert one.page.locator("svg.top .hand polygon").count() == 3
+    assert one.page.locator("svg.top .camera-name").all_text_contents() == ["front"]
+    names = one.page.locator("svg.top text.name").all_text_contents()
+    assert f"mug {one.page.evaluate('scenegen.report.seen[0].words')}" in names and "bottle" in names
+    # the hand goes with what it grasps, and turns to where there is most room
+    (stands,) = one.page.locator("svg.top .hand").evaluate_all("all => all.map((one) => one.getAttribute('transform'))")
+    index = [thing["name"] for thing in one.page.evaluate("scenegen.spec.objects")].index("lemon")
+    x, y, _ = one.page.evaluate(f"scenegen.poses[{index}]")
+    assert stands.startswith(f"translate({x} {y})")
+
+
+def test_words_of_robots_and_cameras_are_coloured(serve, tab, tmp_path):
+    one = open_text(serve, tab, tmp_path, SIGHTS)
+    code = """(word) => [...document.querySelectorAll(".cm-line span")].filter((one) => one.textContent === word)
+        .map((one) => getComputedStyle(one).color)"""
+    colours = {word: one.page.evaluate(code, word) for word in ("camera", "robot", "looks", "fov", "40 deg", "30 %")}
+    assert all(colours.values())
+    keyword = one.page.evaluate(code, "require")[0]
+    assert {colours[word][0] for word in ("camera", "robot", "looks", "fov")} == {keyword}
+    assert colours["30 %"] == colours["40 deg"] != [keyword]
+
+
+def test_what_decides_is_told_of_hands_and_shares(serve, tab, tmp_path):
+    one = open_text(serve, tab, tmp_path, SIGHTS.replace("graspable(lemon, arm) & ", ""))
+    words = one.page.locator(".over").inner_text()
+    assert (
+        "front sees " in words and f"{one.page.evaluate('scenegen.report.seen[0].words').split(',')[0]} of mug" in words
+    )

@@ -157,7 +157,7 @@ def _facts(spec: Spec) -> dict[str, Any]:
         "labels": {name: list(bounds) for name, bounds in spec.bounds().items()},
         "source": spec.source,
         **_time(spec),
-        **({"usually": [_prior(spec, one, None) for one in priors]} if (priors := spec.definition.priors) else {}),
+        **({"usually": told} if (told := _priors(spec, None)) else {}),
         **({"counts": {name: list(ends) for name, ends in spec.counts.items()}} if spec.counts else {}),
     }
 

@@ -22,11 +22,11 @@ from scenegen.arrays import Array
 from scenegen.errors import DataError
 from scenegen.errors.worlds import STAGE_MAT, STAGE_PHOTO
 from scenegen.needs import need
-from scenegen.play.stage.stage import MAT_TAGS, TAG_CELLS, TableStage
+from scenegen.play.stage.stage import MAT_TAGS, TAG_CELLS, TableStage, square_corners
+from scenegen.play.suites.suite import GradedStart
 from scenegen.scenes.files import read_bytes
 
 Grey = npt.NDArray[np.uint8]
-LEAST_TAGS = 3  # of the mat
 FOCAL, FOCAL_SPREAD = 0.8, 0.25  # of the longer side; standard deviation of its logarithm
 EXIF_SPREAD = 0.03  # where the photograph says it
 BEND_SPREAD = 0.1  # of k1
@@ -129,12 +129,13 @@ def _meet(line: tuple[Array, Array], other: tuple[Array, Array]) -> Array:
 @dataclass(frozen=True, slots=True, eq=False)
 class StageCamera:
     """Matrix (3, 3) and distortion (5,) as OpenCV has them; `turn` (3, 3) and `shift` (3,) lead from the frame of the
-    mat to that of the camera."""
+    mat to that of the camera. `doubts` are cameras a standard deviation off, each in an independent way."""
 
     matrix: Array
     distortion: Array
     turn: Array
     shift: Array
+    doubts: tuple[StageCamera, ...] = ()
 
     def project(self, points: Array) -> Array:
         """Pixels (P, 2) of points (P, 3)."""
@@ -151,6 +152,12 @@ class StageCamera:
         rays = np.column_stack([plain, np.ones(len(plain))]) @ self.turn
         eye = -self.turn.T @ self.shift
         return np.asarray(eye[:2] + rays[:, :2] * ((height - eye[2]) / rays[:, 2:]))
+
+    def place_error(self, pixels: Array, height: float) -> float:
+        """How far off such places are, in metres: the standard deviation that the doubts make."""
+        place = self.place(pixels, height)
+        off = [one.place(pixels, height) - place for one in self.doubts]
+        return math.sqrt(float(np.square(off).sum(axis=(0, 2)).max())) if off else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,14 +180,18 @@ class Lens:
         return cls(matrix, np.concatenate([few, np.zeros(5 - len(few))]))
 
 
-def find_camera(stage: TableStage, photo: Photograph, lens: Lens | None = None) -> StageCamera:
-    """The camera of a photograph. Raises DataError where fewer than three tags of the mat are seen, and where they do
+def find_camera(
+    stage: TableStage, photo: Photograph, lens: Lens | None = None, start: GradedStart | None = None
+) -> StageCamera:
+    """The camera of a photograph. Where tags of the mat are missing, those on the objects of `start` help: they lie
+    level, and their sizes and heights are known. Raises DataError where no tag of the mat is seen, and where they do
     not lie as on the stage's mat."""
     seen = [tag for tag in range(MAT_TAGS) if tag in photo.tags]
-    if len(seen) < LEAST_TAGS:
-        missing = [str(tag) for tag in range(MAT_TAGS) if tag not in seen]
-        raise DataError(STAGE_PHOTO(file=photo.name, missing=missing if seen else None, count=len(seen)))
-    fit = _CameraFit(stage.tag_corners()[seen], np.concatenate([photo.tags[tag] for tag in seen]), photo, lens)
+    if not seen:
+        raise DataError(STAGE_PHOTO(file=photo.name, count=0))
+    level = [] if start is None or len(seen) == MAT_TAGS else stage.tops(start)
+    squares = tuple((thing.side, height, photo.tags[thing.tag]) for thing, height in level if thing.tag in photo.tags)
+    fit = _CameraFit(stage.tag_corners()[seen], np.concatenate([photo.tags[tag] for tag in seen]), photo, lens, squares)
     camera, off, _ = fit.solve()
     most = max(MOST_OFF, max(stage.size) / 1000.0)
     if off > most:
@@ -195,13 +206,15 @@ def find_camera(stage: TableStage, photo: Photograph, lens: Lens | None = None) 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _CameraFit:
-    """Corners (T, 4, 2) of tags of the mat, seen at pixels (4 T, 2). Parameters are turn, shift, log of the focal
-    length and k1; where they are `free`, also logs of by how much the tags' distances along x and y differ."""
+    """Corners (T, 4, 2) of tags of the mat, seen at pixels (4 T, 2); `squares` are other tags that lie level: side,
+    height, and pixels (4, 2). Parameters are turn, shift, log of the focal length and k1; x, y and heading of each
+    square; where they are `free`, also logs of by how much the tags' distances along x and y differ."""
 
     flat: Array
     pixels: Array
     photo: Photograph
     lens: Lens | None
+    squares: tuple[tuple[float, float, Array], ...] = ()
     free: bool = False
 
     def solve(self) -> tuple[StageCamera, float, Array]:
@@ -212,19 +225,26 @@ class _CameraFit:
         long, (usual, _) = max(self.photo.grey.shape), self.focal
         starts = []
         for focal in [usual] if self.lens or self.photo.focal else [share * long for share in FOCAL_STARTS]:
-            start = np.array([0.0] * 6 + [math.log(focal)] + [0.0] * (3 if self.free else 1))
+            start = np.array([0.0] * 6 + [math.log(focal)] + [0.0] * (1 + 3 * len(self.squares) + 2 * self.free))
             guess = self.camera(start)
             _, turns, shifts, _ = cv2.solvePnPGeneric(
                 self.points(start), self.pixels, guess.matrix, guess.distortion, flags=cv2.SOLVEPNP_IPPE
             )
-            starts += [
-                np.concatenate([one.ravel(), by.ravel(), start[6:]]) for one, by in zip(turns, shifts, strict=True)
-            ]
+            for one, by in zip(turns, shifts, strict=True):
+                there = np.concatenate([one.ravel(), by.ravel(), start[6:]])
+                for k, (_, height, pixels) in enumerate(self.squares):
+                    corners = self.camera(there).place(pixels, height)
+                    across = corners[1] - corners[0]
+                    there[8 + 3 * k : 11 + 3 * k] = *corners.mean(axis=0), math.atan2(across[1], across[0])
+                starts.append(there)
         starts.sort(key=lambda one: float(np.square(self.residuals(one)).sum()))
-        best, _ = min((_least_squares(self.residuals, one) for one in starts[:TRIED_STARTS]), key=itemgetter(1))
-        camera = self.camera(best)
+        found = (_least_squares(self.residuals, one) for one in starts[:TRIED_STARTS])
+        best, _, normal = min(found, key=itemgetter(1))
+        values, ways = np.linalg.eigh(np.linalg.inv(normal)[:8, :8])
+        doubts = tuple(self.camera(best[:8] + math.sqrt(max(v, 0.0)) * way) for v, way in zip(values, ways.T, strict=True))
+        camera = replace(self.camera(best), doubts=doubts)
         off = camera.place(self.pixels, 0.0) - self.points(best)[:, :2]
-        return camera, float(np.hypot(*off.T).max()), np.exp(best[8:])
+        return camera, float(np.hypot(*off.T).max()), np.exp(best[-2:])
 
     @property
     def focal(self) -> tuple[float, float]:
@@ -236,7 +256,7 @@ class _CameraFit:
     def points(self, given: Array) -> Array:
         """(4 T, 3): the corners in the frame of the mat."""
         centres = self.flat.mean(axis=1, keepdims=True)
-        sizes = np.exp(given[8:]) if self.free else np.ones(2)
+        sizes = np.exp(given[-2:]) if self.free else np.ones(2)
         flat = ((centres - centres.mean(axis=0)) * sizes + centres.mean(axis=0) + self.flat - centres).reshape(-1, 2)
         return np.column_stack([flat, np.zeros(len(flat))])
 
@@ -252,12 +272,20 @@ class _CameraFit:
     def residuals(self, given: Array) -> Array:
         """In standard deviations."""
         usual, spread = self.focal
-        off = (self.camera(given).project(self.points(given)) - self.pixels).ravel() / PIXEL_ERROR
+        points, pixels = [self.points(given)], [self.pixels]
+        for k, (side, height, seen) in enumerate(self.squares):
+            x, y, theta = given[8 + 3 * k : 11 + 3 * k].tolist()
+            turn = np.array([[math.cos(theta), math.sin(theta)], [-math.sin(theta), math.cos(theta)]])
+            points.append(np.column_stack([square_corners(side) @ turn + (x, y), np.full(4, height)]))
+            pixels.append(seen)
+        seen_at = self.camera(given).project(np.concatenate(points))
+        off = (seen_at - np.concatenate(pixels)).ravel() / PIXEL_ERROR
         return np.concatenate([off, [(given[6] - math.log(usual)) / spread, given[7] / BEND_SPREAD]])
 
 
-def _least_squares(residuals: Callable[[Array], Array], start: Array) -> tuple[Array, float]:
-    """Where the sum of squares is least, near a start, and that sum; slopes by differences."""
+def _least_squares(residuals: Callable[[Array], Array], start: Array) -> tuple[Array, float, Array]:
+    """Where the sum of squares is least, near a start, that sum, and the inverse of the covariance there; slopes by
+    differences."""
     x, damping = start, 1e-3
     now = residuals(x)
     for _ in range(FIT_STEPS):
@@ -273,4 +301,4 @@ def _least_squares(residuals: Callable[[Array], Array], start: Array) -> tuple[A
             damping *= 10.0
         if damping > 1e9 or 0.0 < gain < 1e-9 * (1.0 + now @ now):
             break
-    return x, float(now @ now)
+    return x, float(now @ now), normal

@@ -49,7 +49,7 @@ def measure_poses(
         if ruler is not None:
             check_ruler(str(photo), ruler)
         picture = Photograph.read(photo)
-        seen = find_camera(stage, picture, None if camera is None else Lens.read(camera))
+        seen = find_camera(stage, picture, None if camera is None else Lens.read(camera), start)
         if corners is None:
             found = poses_by_tags(stage, start, picture, seen)
         else:
@@ -61,13 +61,14 @@ def measure_poses(
 def poses_by_tags(stage: TableStage, start: GradedStart, photo: Photograph, camera: StageCamera) -> Array:
     """(N, 3). Raises DataError where an object's tag is not seen, or another thing's is on the mat, and where the tags
     are of another size on the mat than on the things: the printer changed one of both."""
-    wanted = _things_of(stage, start)
+    tops = stage.tops(start)
+    wanted = [thing for thing, _ in tops]
     seen = [thing for thing in stage.things if thing.tag in photo.tags]
     strangers = [one.name for one in seen if one not in wanted and _is_on(stage, one, photo, camera)]
     missing = [name for name, one in zip(start.objects, wanted, strict=True) if one not in seen]
     if strangers or missing:
         raise DataError(STAGE_THINGS(file=photo.name, stranger=strangers, missing=missing))
-    found = [pose_by_tag(one, height, photo, camera) for one, height in zip(wanted, tops_of(start), strict=True)]
+    found = [pose_by_tag(one, height, photo, camera) for one, height in tops]
     size = float(np.median([size for _, size in found]))
     if abs(size - 1.0) > MOST_PRINT_ERROR:
         raise DataError(STAGE_MAT(file=photo.name, percent=100.0 / size))
@@ -102,7 +103,7 @@ def poses_by_corners(stage: TableStage, start: GradedStart, path: Path, camera: 
     if missing or strangers:
         raise DataError(STAGE_THINGS(file=path, stranger=strangers, missing=missing))
     found = []
-    for which, (thing, height) in enumerate(zip(_things_of(stage, start), tops_of(start), strict=True)):
+    for which, (thing, height) in enumerate(stage.tops(start)):
         name, usual = start.objects[which], start.task.scenes.poses[start.row][which]
         points = camera.place(pixels[[one == name for one in names]], height)
         pose, off = _fit_outline(thing, points, float(usual[THETA]))
@@ -125,16 +126,6 @@ def check_table(stage: TableStage, start: GradedStart, poses: Array) -> None:
         if not all(low <= value <= high for value, (low, high) in zip((x, y), ends, strict=True)):
             table = " and ".join(f"{100.0 * low:.0f} to {100.0 * high:.0f} cm" for low, high in ends)
             raise DataError(STAGE_THINGS(name=name, x=100.0 * x, y=100.0 * y, table=table))
-
-
-def _things_of(stage: TableStage, start: GradedStart) -> list[StageThing]:
-    return [stage.thing(start.task.spec.checked, which) for which in range(len(start.objects))]
-
-
-def tops_of(start: GradedStart) -> list[float]:
-    """The height of each object's top above the mat, in metres."""
-    shapes = start.task.spec.checked.shapes
-    return [float(pose[2]) + shape.height for pose, shape in zip(start.poses, shapes, strict=True)]
 
 
 def _is_on(stage: TableStage, thing: StageThing, photo: Photograph, camera: StageCamera) -> bool:

@@ -19,6 +19,7 @@ import numpy as np
 
 from scenegen.arrays import Array
 from scenegen.errors import DataError
+from scenegen.looks.stage import stage_of
 from scenegen.play.stage.camera import Grey, Lens, Photograph, find_camera
 from scenegen.play.stage.mat import LABEL_GREY, draw_mat, tag_cells
 from scenegen.play.stage.measure import pose_by_tag, poses_by_tags
@@ -129,10 +130,11 @@ def render_photograph(
     tag_scale: float = 1.0,
     bend: float = 0.0,
     covered: Sequence[int] = (),
+    shades: Sequence[float] = (),
 ) -> Grey:
     """The picture (h, w) of objects at poses (N, 3). `tags` are those on them, None for none; mat and tags printed at
     `scale` and `tag_scale`; `bend` raises an edge of the mat by so many metres; `covered` are tags of the mat under
-    something."""
+    something; `shades` are how light objects are."""
     many = SUPERSAMPLED
     matrix = shot.matrix.copy()
     matrix[:2] *= many
@@ -173,9 +175,10 @@ def render_photograph(
         outline, top = outline_at(thing.shape, pose), base + thing.shape.height
         body = np.concatenate([np.column_stack([outline, np.full(len(outline), z)]) for z in (base, top)])
         seen = cv2.projectPoints(body, shot.turn, shot.shift, matrix, shot.distortion)[0].reshape(-1, 2)
-        cv2.fillConvexPoly(picture, cv2.convexHull((16 * seen).round().astype(np.int32)), SIDE_GREY, cv2.LINE_AA, 4)
+        side, lid_grey = (shades[which] * share for share in (0.75, 1.0)) if shades else (SIDE_GREY, TOP_GREY)
+        cv2.fillConvexPoly(picture, cv2.convexHull((16 * seen).round().astype(np.int32)), side, cv2.LINE_AA, 4)
         lid = (16 * seen[len(outline) :]).round().astype(np.int32)
-        cv2.fillConvexPoly(picture, lid, TOP_GREY, cv2.LINE_AA, 4)
+        cv2.fillConvexPoly(picture, lid, lid_grey, cv2.LINE_AA, 4)
         tag = thing.tag if tags is None else tags[which]
         if tag is None:
             continue
@@ -203,6 +206,25 @@ def render_photograph(
     noise = shot.noise * rng.standard_normal(picture.shape, dtype=np.float32)
     spoilt: Grey = np.clip(picture * 255.0 + noise, 0, 255).round().astype(np.uint8)
     return spoilt
+
+
+def render_in_color(
+    stage: TableStage,
+    start: GradedStart,
+    poses: Array,
+    shot: Shot,
+    rng: np.random.Generator,
+    raster: tuple[Array, Callable[[Array], Array]],
+) -> Grey:
+    """The same (h, w, 3), objects in their colours."""
+    colors = [one.color for one in stage_of(start.task.scenes.file()).things]
+    planes = [
+        render_photograph(
+            stage, start, poses, shot, rng, raster=raster, shades=[0.15 + 0.75 * one[k] for one in colors]
+        )
+        for k in range(3)
+    ]
+    return np.stack(planes, axis=-1)
 
 
 FAULTS: dict[str, dict[str, Any]] = {  # how a picture is wrong, and what names it

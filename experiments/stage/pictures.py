@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import io
 import tempfile
 from pathlib import Path
 
@@ -13,23 +14,23 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from experiments.stage.photographs import Shot, draw_shot, mat_raster, render_photograph
+from experiments.stage.photographs import Shot, draw_shot, mat_raster, render_in_color
 from scenegen.play.stage.camera import Photograph, find_camera
 from scenegen.play.stage.check import check_poses
 from scenegen.play.stage.measure import measure_poses
-from scenegen.play.stage.overlay import draw_overlay
+from scenegen.play.stage.overlay import draw_overlay, render_start
 from scenegen.play.stage.stage import TableStage
 from scenegen.play.suites.suite import Suite
 
 FOLDER = Path("docs/images/stage")
 EPISODE, SEED = 7, 11
-WIDE = 900  # pixels
+WIDE = 1400  # pixels
 
 
 def is_in_front(shot: Shot) -> bool:
     """Whether a camera looks from the viewer's side."""
     eye = -cv2.Rodrigues(shot.turn)[0].T @ shot.shift
-    return bool(eye[1] < -0.25 and abs(eye[0]) < 0.1 and shot.matrix[0, 0] < 1200.0)
+    return bool(eye[1] < -0.25 and abs(eye[0]) < 0.1 and shot.matrix[0, 0] > 1500.0 and min(shot.light) > 0.7)
 
 
 def main() -> None:
@@ -42,15 +43,17 @@ def main() -> None:
     shot = next(one for one in shots if is_in_front(one))
     FOLDER.mkdir(parents=True, exist_ok=True)
     mat = Image.fromarray((255 * raster[0]).astype(np.uint8))
-    mat.resize((WIDE // 2, round(WIDE / 2 * mat.height / mat.width))).save(FOLDER / "mat.png")
+    mat.resize((WIDE // 3, round(WIDE / 3 * mat.height / mat.width))).save(FOLDER / "mat.png")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "table.png"
-        Image.fromarray(render_photograph(stage, start, poses, shot, rng, raster=raster)).save(path)
+        Image.fromarray(render_in_color(stage, start, poses, shot, rng, raster)).save(path)
         photo = Photograph.read(path)
         print("\n".join(check_poses(start, measure_poses(stage, start, photo=path)).lines(stage)))
-        (Path(folder) / "o.png").write_bytes(draw_overlay(stage, start, photo, find_camera(stage, photo)))
-        with Image.open(Path(folder) / "o.png") as drawn:
-            drawn.resize((WIDE, round(WIDE * drawn.height / drawn.width))).save(FOLDER / "overlay.png")
+        camera = find_camera(stage, photo, None, start)
+        drawn = draw_overlay(stage, start, photo, camera, render_start(stage, start, camera))
+    with Image.open(io.BytesIO(drawn)) as picture:
+        small = picture.resize((WIDE, round(WIDE * picture.height / picture.width)), Image.Resampling.LANCZOS)
+        small.quantize(256, dither=Image.Dither.NONE).save(FOLDER / "overlay.png", optimize=True)
 
 
 if __name__ == "__main__":

@@ -141,14 +141,14 @@ STAGE_PHOTO = Kind(
     (
         "{file} is no picture: {reason}",
         "{file} is no calibrated camera{wanted:?}",
-        "{file} shows {count} of the 4 tags of the mat; missing: {missing:list}",
         "{file} shows no tag of the mat{count:?}",
+        "no picture comes from the camera `{source}`",
     ),
     help=(
         "give it a photograph, .jpg or .png{reason:?}",
         "write {wanted}",
-        "three are needed: take what covers them away, or take the picture from farther away{missing:?}",
-        "all four corners of the mat should be in the picture, in focus and without glare",
+        "all four corners of the mat should be in the picture, in focus and without glare{count:?}",
+        "give the number of a camera (0 is the first), a video, a folder's `%04d.png`, or a URL",
     ),
 )
 STAGE_MAT = Kind(

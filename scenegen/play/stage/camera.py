@@ -35,9 +35,7 @@ BEND_SPREAD = 0.1  # of k1
 MIDDLE_SPREAD = 0.006  # of the longer side: how far the principal point is from the middle
 POSE, LENS = 6, 4  # parameters of a camera: of its place, and of its lens
 PIXEL_ERROR = 0.2  # standard deviation of a corner of a tag, pixels
-MOST_OFF = (
-    0.0015  # metres: what corners of the mat's tags may be off, and a thousandth of the mat's size if that is more
-)
+MOST_OFF = 0.0015  # metres: what corners of the mat's tags may be off; a thousandth of the mat, or a pixel, if more
 OTHER_SIZE = 0.01  # relative: a mat of another size
 SMALL_PICTURE = 2600  # pixels: where tags are looked for at twice the size, too
 FIT_STEPS, TRIED_STARTS = 60, 2
@@ -223,7 +221,8 @@ def find_camera(
     squares = tuple((thing.side, height, photo.tags[thing.tag]) for thing, height in level if thing.tag in photo.tags)
     fit = _CameraFit(stage.tag_corners()[seen], np.concatenate([photo.tags[tag] for tag in seen]), photo, lens, squares)
     camera, off, _ = fit.solve()
-    most = max(MOST_OFF, max(stage.size) / 1000.0)
+    pixel = stage.tag / float(np.median([math.dist(*photo.tags[tag][:2]) for tag in seen]))
+    most = max(MOST_OFF, max(stage.size) / 1000.0, pixel)
     if off > most:
         _, rest, sizes = replace(fit, free=True).solve()
         if rest <= most and np.abs(sizes - 1.0).max() > OTHER_SIZE:
@@ -271,7 +270,7 @@ class _CameraFit:
         starts.sort(key=lambda one: float(np.square(self.residuals(one)).sum()))
         found = (_least_squares(self.residuals, one) for one in starts[:TRIED_STARTS])
         best, _, normal = min(found, key=itemgetter(1))
-        values, ways = np.linalg.eigh(np.linalg.inv(normal)[: POSE + LENS, : POSE + LENS])
+        values, ways = np.linalg.eigh(np.linalg.pinv(normal)[: POSE + LENS, : POSE + LENS])
         doubts = tuple(self.camera(best[: POSE + LENS] + math.sqrt(max(v, 0.0)) * way) for v, way in zip(values, ways.T, strict=True))
         camera = replace(self.camera(best), doubts=doubts)
         off = camera.place(self.pixels, 0.0) - self.points(best)[:, :2]

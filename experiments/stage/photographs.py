@@ -270,7 +270,9 @@ def measure_photographs(suite: Suite, n: int, seed: int, rows_file: Path | None,
         before = np.loadtxt(rows_file).reshape(-1, 5) if rows_file.exists() else np.empty((0, 5))
         each = np.concatenate([before, each])
         np.savetxt(rows_file, each, fmt="%.4f")
-    print("pictures | objects | found % | within 3 mm and 1 deg % | median mm | 95 % mm | median deg | 95 % deg | doubt mm")
+    print(
+        "pictures | objects | found % | within 3 mm and 1 deg % | mm: median | 95 % | deg: median | 95 % | expected mm"
+    )
     for low, high in ((0.5, 0.75), (0.75, 1.0), (0.9, 1.1), (1.0, 1.25), (1.25, 1.5), (0.5, 1.5)):
         print_row(f"{low}-{high} m", each[(each[:, 0] >= low) & (each[:, 0] < high)])
     for count in range(MAT_TAGS + 1):

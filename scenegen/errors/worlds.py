@@ -141,13 +141,20 @@ STAGE_PHOTO = Kind(
     (
         "{file} is no picture: {reason}",
         "{file} is no calibrated camera{wanted:?}",
+        "{file} is mirrored{mirrored:?}",
+        "no new picture is in {folder}",
         "{file} shows no tag of the mat{count:?}",
+        "{file} shows {seen} of the 4 tags of the mat: places are good to {spread:.0f} mm only",
         "no picture comes from the camera `{source}`",
     ),
     help=(
         "give it a photograph, .jpg or .png{reason:?}",
         "write {wanted}",
-        "all four corners of the mat should be in the picture, in focus and without glare{count:?}",
+        "switch that off in the camera's settings{mirrored:?}",
+        "take one, {folder} is looked at again at the next Enter",
+        "all four corners of the mat should be in the picture, in focus and without glare; its tags are AprilTags"
+        " 36h11, 0 to 3{count:?}",
+        "take what covers them away, go farther away so that all four are in the picture, or give --camera{spread:?}",
         "give the number of a camera (0 is the first), a video, a folder's `%04d.png`, or a URL",
     ),
 )
@@ -174,7 +181,7 @@ STAGE_THINGS = Kind(
     ),
     help=(
         "take it away, or see whether tags are mixed up{stranger:?}",
-        "turn its tag to the camera, and take the picture from where nothing covers it{missing:?}",
+        "turn its tag to the camera, and take the picture from nearer, where nothing covers it{missing:?}",
         "the mat ends at {table}",
         "give the corners of its top, three at least, two of a box",
     ),

@@ -216,6 +216,9 @@ def find_camera(
     not lie as on the stage's mat."""
     seen = [tag for tag in range(MAT_TAGS) if tag in photo.tags]
     if not seen:
+        turned = Photograph.from_picture(photo.picture[:, ::-1].copy(), photo.name)
+        if any(tag in turned.tags for tag in range(MAT_TAGS)):
+            raise DataError(STAGE_PHOTO(file=photo.name, mirrored=True))
         raise DataError(STAGE_PHOTO(file=photo.name, count=0))
     level = [] if start is None or len(seen) == MAT_TAGS else stage.tops(start)
     squares = tuple((thing.side, height, photo.tags[thing.tag]) for thing, height in level if thing.tag in photo.tags)
@@ -255,7 +258,9 @@ class _CameraFit:
         long, (usual, _) = max(self.photo.picture.shape), self.focal
         starts = []
         for focal in [usual] if self.lens or self.photo.focal else [share * long for share in FOCAL_STARTS]:
-            start = np.array([0.0] * POSE + [math.log(focal)] + [0.0] * (LENS - 1 + 3 * len(self.squares) + 2 * self.free))
+            start = np.array(
+                [0.0] * POSE + [math.log(focal)] + [0.0] * (LENS - 1 + 3 * len(self.squares) + 2 * self.free)
+            )
             guess = self.camera(start)
             _, turns, shifts, _ = cv2.solvePnPGeneric(
                 self.points(start), self.pixels, guess.matrix, guess.distortion, flags=cv2.SOLVEPNP_IPPE
@@ -271,8 +276,8 @@ class _CameraFit:
         found = (_least_squares(self.residuals, one) for one in starts[:TRIED_STARTS])
         best, _, normal = min(found, key=itemgetter(1))
         values, ways = np.linalg.eigh(np.linalg.pinv(normal)[: POSE + LENS, : POSE + LENS])
-        doubts = tuple(self.camera(best[: POSE + LENS] + math.sqrt(max(v, 0.0)) * way) for v, way in zip(values, ways.T, strict=True))
-        camera = replace(self.camera(best), doubts=doubts)
+        offs = (ways * np.sqrt(values.clip(min=0.0))).T
+        camera = replace(self.camera(best), doubts=tuple(self.camera(best[: POSE + LENS] + off) for off in offs))
         off = camera.place(self.pixels, 0.0) - self.points(best)[:, :2]
         return camera, float(np.hypot(*off.T).max()), np.exp(best[-2:])
 

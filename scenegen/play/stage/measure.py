@@ -15,10 +15,10 @@ from scenegen.arrays import Array
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.files import NOT_SCENES
 from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.errors.worlds import STAGE_MAT, STAGE_THINGS
+from scenegen.errors.worlds import STAGE_MAT, STAGE_PHOTO, STAGE_THINGS
 from scenegen.geometry import Circle
 from scenegen.play.stage.camera import Lens, Photograph, StageCamera, find_camera
-from scenegen.play.stage.stage import StageThing, TableStage, square_corners
+from scenegen.play.stage.stage import MAT_TAGS, StageThing, TableStage, square_corners
 from scenegen.play.suites.suite import GradedStart
 from scenegen.pose import THETA, TWO_PI
 from scenegen.scenes.formats.tables import read_table
@@ -26,6 +26,7 @@ from scenegen.things.outline import corners_of
 
 MOST_PRINT_ERROR = 0.012  # relative, of sizes that a photograph tells
 MOST_RULER_ERROR = 0.005  # relative, of the ruler of the mat
+MOST_SPREAD = 0.006  # metres: two standard deviations of places in a picture
 MOST_CORNER_ERROR = 0.008  # metres: a click that is off by more is on another corner
 MAX_CLICKED_CORNERS = 6  # of an outline with corners: every order of more takes too long
 
@@ -50,6 +51,7 @@ def measure_poses(
             check_ruler(str(photo), ruler)
         picture = Photograph.read(photo)
         seen = find_camera(stage, picture, None if camera is None else Lens.read(camera), start)
+        _check_spread(stage, start, picture, seen)
         if corners is None:
             found = poses_by_tags(stage, start, picture, seen)
         else:
@@ -126,6 +128,17 @@ def check_table(stage: TableStage, start: GradedStart, poses: Array) -> None:
         if not all(low <= value <= high for value, (low, high) in zip((x, y), ends, strict=True)):
             table = " and ".join(f"{100.0 * low:.0f} to {100.0 * high:.0f} cm" for low, high in ends)
             raise DataError(STAGE_THINGS(name=name, x=100.0 * x, y=100.0 * y, table=table))
+
+
+def _check_spread(stage: TableStage, start: GradedStart, photo: Photograph, camera: StageCamera) -> None:
+    """Raises DataError where the tags of the mat that are seen hardly tell where things are."""
+    spread = 2.0 * max(
+        camera.place_error(camera.project(np.array([[*pose[:2], height]])), height)
+        for pose, (_, height) in zip(start.task.scenes.poses[start.row], stage.tops(start), strict=True)
+    )
+    if spread > MOST_SPREAD:
+        seen = sum(tag in photo.tags for tag in range(MAT_TAGS))
+        raise DataError(STAGE_PHOTO(file=photo.name, seen=seen, spread=1000.0 * spread))
 
 
 def _is_on(stage: TableStage, thing: StageThing, photo: Photograph, camera: StageCamera) -> bool:

@@ -129,8 +129,8 @@ class _Pane:
                 self._line([*floor, floor[0]], color, 3.0)
             self._line([*top, top[0]], color, 1.4)
             if not stage.thing(spec, which).is_round:
-                tip = pose[:2] + 1.5 * measures(shape.footprint).outer * np.array([math.cos(pose[2]), math.sin(pose[2])])
-                self._arrow(pose[:2], tip, base + shape.height, color)
+                way = 1.5 * measures(shape.footprint).outer * np.array([math.cos(pose[2]), math.sin(pose[2])])
+                self._arrow(pose[:2], pose[:2] + way, base + shape.height, color)
             words = [f"{start.objects[which]}: {stage.name_place(*pose[:2].tolist())}"]
             if moves and which in moves:
                 stood, move = moves[which]

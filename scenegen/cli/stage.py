@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from scenegen.cli.options import argument, check_action, choices, metres, option
 from scenegen.cli.output import print_error
-from scenegen.errors import DataError, RequestError
+from scenegen.errors import DataError, RequestError, quote_names
 from scenegen.errors.requests import MISSING_ARGUMENT, OUT_OF_PLACE, OUT_OF_RANGE, UNKNOWN_CHOICE
 
 if TYPE_CHECKING:
     from scenegen.play.suites.suite import GradedStart, Suite
 
+SMALL_TAG = 0.015  # metres
 STAGE_OPTIONS = {  # of each action: those that must be given, and the others
     "mat": (("out",), ("paper", "grid")),
     "sheet": ((), ("out", "paper", "grid", "episodes", "reverse")),
@@ -83,6 +84,11 @@ def _mat(place: str, out: Path, paper: str = "a4", **given: Any) -> None:
     write_whole(out, write_pdf([draw_mat(stage, suite.name, paper), *draw_tags(stage, suite.name)]))
     width, height = (100.0 * side for side in stage.size)
     print_error(f"a mat of {width:.1f} x {height:.1f} cm and {len(stage.things)} tags of things in {out}")
+    small = [thing.name for thing in stage.things if thing.side < SMALL_TAG]
+    if small:
+        print_error(
+            f"cameras hardly see tags as small as those of {quote_names(small)}: check with --corners or --poses"
+        )
 
 
 def _sheet(place: str, out: Path | None = None, paper: str = "a4", grid: float | None = None, **given: Any) -> None:

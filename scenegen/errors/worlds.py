@@ -177,12 +177,14 @@ STAGE_THINGS = Kind(
         "{file} shows {stranger:quoted}, which this start does not have[[, and not {missing:quoted}]]",
         "{file} does not show {missing:quoted}",
         "`{name}` stands off the table: at {x:.1f} cm, {y:.1f} cm",
+        "`{name}` is turned by {theta:g} in {file}: that is more than 2 pi{theta:?}",
         "the outline of `{name}` does not fit the corners in {file}: it is {off:.1f} mm off",
     ),
     help=(
         "take it away, or see whether tags are mixed up{stranger:?}",
         "turn its tag to the camera, and take the picture from nearer, where nothing covers it{missing:?}",
-        "the mat ends at {table}",
+        "the mat ends at {table}; a table of poses is in metres",
+        "headings are in radians, from the right-hand side of the mat{theta:?}",
         "give the corners of its top, three at least, two of a box",
     ),
 )

@@ -98,7 +98,7 @@ def poses_by_corners(stage: TableStage, start: GradedStart, path: Path, camera: 
     of round outlines three or more points. A heading that corners leave open is the one nearest to the start's. Raises
     DataError."""
     table = read_table(path, "corners", NOT_SCENES)
-    names = [str(one) for one in table.cells("object")] if "object" in table.names else []
+    names = [str(one) for one in table.cells("object")]
     pixels = np.column_stack([table.column("u"), table.column("v")])
     missing = [one for one in start.objects if one not in names]
     strangers = sorted(set(names) - set(start.objects))
@@ -116,8 +116,12 @@ def poses_by_corners(stage: TableStage, start: GradedStart, path: Path, camera: 
 
 
 def poses_by_table(start: GradedStart, path: Path) -> Array:
-    """(N, 3), from the first row of a table of poses, or the first scene of a file. Raises DataError."""
+    """(N, 3), from the first row of a table of poses, or the first scene of a file. Raises DataError, also for headings
+    that are no radians."""
     poses: Array = read_scenes(path, stop=1, spec=start.task.spec).poses[0]
+    for name, theta in zip(start.objects, poses[:, THETA].tolist(), strict=True):
+        if abs(theta) > TWO_PI:
+            raise DataError(STAGE_THINGS(file=path, name=name, theta=theta))
     return poses
 
 

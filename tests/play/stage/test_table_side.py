@@ -155,9 +155,7 @@ def test_the_page_from_printing_to_the_report(tmp_path, warm):
             person = Person(tmp_path)
             person.photograph(3, tmp_path / "table.jpg")
             frame = cv2.imread(str(tmp_path / "table.jpg"))
-            video = cv2.VideoWriter(
-                str(tmp_path / "table.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 5, frame.shape[1::-1]
-            )
+            video = cv2.VideoWriter(str(tmp_path / "table.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 5, frame.shape[1::-1])
             for one in (0 * frame, frame):
                 video.write(one)
             video.release()

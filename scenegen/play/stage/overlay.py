@@ -77,16 +77,7 @@ def judge_picture(stage: TableStage, start: GradedStart, photo: Photograph, came
 def render_start(stage: TableStage, start: GradedStart, camera: StageCamera) -> Image.Image:
     """A start in 3D as the camera of a photograph would see it, with names and arrows. Raises RequestError without
     pybullet."""
-    points = _framed(stage, start)
-    eye, target = -camera.turn.T @ camera.shift, np.array([sum(stage.x) / 2.0, sum(stage.y) / 2.0, 0.0])
-    plain = from_place(points, (2, 2), eye, target, 60.0)
-    right = plain.extrinsics()[:2, :3] @ camera.turn[0]
-    roll = math.degrees(math.atan2(right[1], right[0]))
-    turned = from_place(points, (2, 2), eye, target, 60.0, roll).extrinsics()
-    across, down, ahead = turned[:3, :3] @ points.T + turned[:3, 3:]
-    slopes = (1.0 + AIR) * np.array([np.abs(across / ahead).max(), np.abs(down / ahead).max()])
-    size = min(MOST_PANE_WIDTH, round(PANE_HEIGHT * float(slopes[0] / slopes[1]))), PANE_HEIGHT
-    field = 2.0 * math.degrees(math.atan(max(float(slopes[1]), float(slopes[0]) * size[1] / size[0])))
+    eye, target, size, field, roll = _view_of(stage, start, camera)
     with tempfile.TemporaryDirectory() as folder:
         looks = Path(folder) / "camera.toml"
         looks.write_text(
@@ -95,9 +86,26 @@ def render_start(stage: TableStage, start: GradedStart, camera: StageCamera) -> 
         drawn = start.task.scenes[[start.row]].render(Path(folder) / "drawn", size=size, looks=looks, workers=1)
         with Image.open(drawn.pictures[0]) as opened:
             picture = opened.convert("RGB")
-    pane = _Pane(picture, from_place(points, size, eye, target, field, roll).project)
+    pane = _Pane(picture, from_place(_framed(stage, start), size, eye, target, field, roll).project)
     pane.draw_start(stage, start)
     return pane.finish()
+
+
+def _view_of(
+    stage: TableStage, start: GradedStart, camera: StageCamera
+) -> tuple[Array, Array, tuple[int, int], float, float]:
+    """Of a picture as large as a pane: where the camera is and what it looks at (3,), the size in pixels, and its field
+    and roll in degrees."""
+    points = _framed(stage, start)
+    eye, target = -camera.turn.T @ camera.shift, np.array([sum(stage.x) / 2.0, sum(stage.y) / 2.0, 0.0])
+    right = from_place(points, (2, 2), eye, target, 60.0).extrinsics()[:2, :3] @ camera.turn[0]
+    roll = math.degrees(math.atan2(right[1], right[0]))
+    turned = from_place(points, (2, 2), eye, target, 60.0, roll).extrinsics()
+    across, down, ahead = turned[:3, :3] @ points.T + turned[:3, 3:]
+    wide, high = (float((1.0 + AIR) * np.abs(slope / ahead).max()) for slope in (across, down))
+    size = min(MOST_PANE_WIDTH, round(PANE_HEIGHT * wide / high)), PANE_HEIGHT
+    field = 2.0 * math.degrees(math.atan(max(high, wide * size[1] / size[0])))
+    return eye, target, size, field, roll
 
 
 class _Pane:

@@ -1,7 +1,6 @@
 """Beside the table: a run with a terminal, breaks in it, and the page of the docs from printing to the report."""
 
 import json
-import os
 import re
 import shlex
 import time
@@ -11,8 +10,8 @@ import numpy as np
 import pytest
 
 from scenegen.play.stage.stage import TableStage
-from scenegen.play.suites.report import band_that_stood
 from scenegen.play.suites.outcomes import read_outcomes
+from scenegen.play.suites.report import band_that_stood
 from scenegen.play.suites.suite import Suite
 from tests.play.stage.terminal import Terminal
 
@@ -109,7 +108,7 @@ class Person:
         terminal = Terminal(words, self.folder)
         while terminal.wait_for("in photos: "):
             number = int(re.findall(r"episode (\d+): ", terminal.said)[-1])
-            path = self.folder / "photos" / f"{len(os.listdir(self.folder / 'photos'))}.png"
+            path = self.folder / "photos" / f"{len(self.stood)}.png"
             if not self.stood:
                 terminal.type("\n")
                 assert terminal.wait_for("no new picture is in photos") and terminal.wait_for("in photos: ")

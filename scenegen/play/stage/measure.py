@@ -13,7 +13,7 @@ import numpy as np
 from scenegen.api.reading import read_scenes
 from scenegen.arrays import Array
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.files import NOT_SCENES
+from scenegen.errors.files import NOT_SCENES, TABLE_COLUMN
 from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.errors.worlds import STAGE_MAT, STAGE_PHOTO, STAGE_THINGS
 from scenegen.geometry import Circle
@@ -98,6 +98,8 @@ def poses_by_corners(stage: TableStage, start: GradedStart, path: Path, camera: 
     of round outlines three or more points. A heading that corners leave open is the one nearest to the start's. Raises
     DataError."""
     table = read_table(path, "corners", NOT_SCENES)
+    if "object" not in table.names:
+        raise DataError(TABLE_COLUMN(file=path, name="object", known=sorted(table.names)))
     names = [str(one) for one in table.cells("object")]
     pixels = np.column_stack([table.column("u"), table.column("v")])
     missing = [one for one in start.objects if one not in names]

@@ -93,7 +93,7 @@ def test_a_mat_of_too_many_pages():
     pytest.importorskip("fpdf")
     with pytest.raises(RequestError) as caught:
         write_pdf([PaperDrawing((0.0, 0.0), (10.0, 10.0), [], "a4", "large")])
-    assert "10.0 x 10.0 m take 1,944 pages" in caught.value.diagnostics[0].text("help")
+    assert "10.0 x 10.0 m take 1,961 pages" in caught.value.diagnostics[0].text("help")
 
 
 def test_a_step_that_is_no_grid(suite):

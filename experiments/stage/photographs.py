@@ -230,7 +230,6 @@ def render_in_color(
 FAULTS: dict[str, dict[str, Any]] = {  # how a picture is wrong, and what names it
     "another object": {"says": "which this start does not have"},
     "no tag on an object": {"says": "does not show"},
-    "two tags of the mat covered": {"covered": (1, 3), "says": "2 of the 4 tags of the mat"},
     "a mat bent by 3 cm": {"bend": 0.03, "says": "is not flat"},
     "a mat printed at 97 %": {"scale": 0.97, "says": "was printed at 9"},
     "a mat of 40 x 40 cm": {"other": 0.05, "says": "is that of another suite"},
@@ -308,7 +307,7 @@ def name_faults(suite: Suite, n: int, seed: int) -> None:
                 tags[0] = None
             printed = grow_mat(stage, given.get("other", 0.0))
             shot = draw_shot(rng, stage, rng.uniform(0.7, 1.2))
-            more = {name: value for name, value in given.items() if name in ("bend", "scale", "covered")}
+            more = {name: value for name, value in given.items() if name in ("bend", "scale")}
             picture = render_photograph(
                 stage, start, poses, shot, rng, raster=mat_raster(printed), tags=tags, **more
             )  # fmt: skip

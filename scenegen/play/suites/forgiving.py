@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -37,6 +38,7 @@ MAX_PROOF_BOXES = 4096  # of one start; one that takes more is left out
 MOST_METRES = 10.0
 ADVICE_STARTS, LEAST_OF_BAND = 2048, 0.005  # drawn to find what would do, and which share of them a band has at least
 ADVICE_EDGES, PROVED_STARTS = 48, 12  # places where bands may end, and how many of a band's starts are tried to prove
+EPS_ERROR = 1e-9  # metres and radians
 SMALLER = (0.8, 0.65, 0.5, 0.4, 0.3, 0.2, 0.1)  # tolerances that are tried, in that which was asked for
 RADIAN_LENGTH = 0.1  # metres: what a radian counts when the widest side of a box is looked for
 
@@ -87,34 +89,27 @@ class Placing:
     def advise(self, spec: Spec, label: str, ranges: Sequence[Bounds], edges: bool, seed: int, budget: Budget) -> str:
         """What to type where ranges of phi of a label have too few such starts: as many bands as there can be, with
         `edges` where they may end, and a tolerance with which the ranges do. Each is proved on some of the starts that
-        are drawn for it; "" where nothing was found."""
-        request = SampleRequest(
-            {}, ADVICE_STARTS, seed=seed, spread="base", timeout=budget.seconds_left, workers=1
-        )  # fmt: skip
-        scenes = draw_scenes(spec, request)
+        are drawn for it; "" where nothing was found, or time is up."""
         said = []
-        for share in (1.0, *SMALLER):
-            cm, degrees = (
-                math.floor(1e3 * self.errors[0] * share) / 10.0,
-                math.floor(math.degrees(self.errors[1] * share)),
-            )
-            placing = self if share == 1.0 else replace(self, errors=(cm / 100.0, math.radians(degrees)))
-            reached = placing._phi_within_errors(spec.checked, scenes, label)
-            if share == 1.0 and edges:
-                ends = min(low for low, _ in ranges), max(high for _, high in ranges)
-                fewer = (_widest_bands(reached, ends, count) for count in range(len(ranges), 0, -1))
-                good = (
-                    bands
-                    for bands in fewer
-                    if bands and placing._have_starts(spec, scenes, label, reached, bands, budget)
-                )
-                if bands := next(good, None):
-                    said.append(
-                        " ".join(f"--bands level{k}={low:g}:{high:g}" for k, (low, high) in enumerate(bands[::-1], 1))
-                    )
-            elif share < 1.0 and placing._have_starts(spec, scenes, label, reached, ranges, budget):
-                said.append(f"--tolerance {cm:g}cm,{degrees}deg")
-                break
+        with suppress(RequestError):
+            request = SampleRequest({}, ADVICE_STARTS, seed=seed, spread="base", timeout=budget.seconds_left, workers=1)
+            scenes = draw_scenes(spec, request)
+            reached = self._phi_within_errors(spec.checked, scenes, label)
+            ends = min(low for low, _ in ranges), max(high for _, high in ranges)
+            for count in range(len(ranges), 0, -1) if edges else ():
+                bands = _widest_bands(reached, ends, count)
+                if bands and self._have_starts(spec, scenes, label, reached, bands, budget):
+                    each = enumerate(reversed(bands), 1)
+                    said.append(" ".join(f"--bands level{k}={low:g}:{high:g}" for k, (low, high) in each))
+                    break
+            for share in SMALLER if any(self.errors) else ():
+                metres, radians = (share * error + EPS_ERROR for error in self.errors)
+                cm, degrees = math.floor(1e3 * metres) / 10.0, math.floor(math.degrees(radians))
+                placing = replace(self, errors=(cm / 100.0, math.radians(degrees)))
+                reached = placing._phi_within_errors(spec.checked, scenes, label)
+                if placing._have_starts(spec, scenes, label, reached, ranges, budget):
+                    said.append(f"--tolerance {cm:g}cm,{degrees}deg")
+                    break
         return " or ".join(said)
 
     def _phi_within_errors(self, spec: CheckedSpec, scenes: SceneSet, label: str) -> tuple[Array, Array]:

@@ -124,9 +124,7 @@ def _check(
     from scenegen.play.stage.measure import measure_poses
     from scenegen.play.stage.stage import TableStage
 
-    if (photo is None) == (poses is None):
-        question = "give --photo, a picture of the table, or --poses, a table of places"
-        raise RequestError(MISSING_ARGUMENT(argument="photo", question=question))
+    _check_one("photo", photo, "poses", poses, "give --photo, a picture of the table, or --poses, a table of places")
     for name, value in (("corners", corners), ("camera", camera), ("ruler", ruler)):
         if value is not None and photo is None:
             raise RequestError(OUT_OF_PLACE(argument=name, rule="goes with --photo", remedy="leave it out"))
@@ -137,6 +135,14 @@ def _check(
     if out is not None:
         print_error(f"what stands there is in {scene_of(found).save(out)}")
     return 0 if found.ok else 1
+
+
+def _check_one(name: str, value: object, other: str, its: object, question: str) -> None:
+    """Raises RequestError unless one of two arguments is given."""
+    if value is None and its is None:
+        raise RequestError(MISSING_ARGUMENT(argument=name, question=question))
+    if value is not None and its is not None:
+        raise RequestError(OUT_OF_PLACE(argument=other, rule=f"does not go with --{name}", remedy="leave one out"))
 
 
 def _find_start(place: str, episodes: str, reverse: bool) -> tuple[Suite, GradedStart]:
@@ -164,9 +170,7 @@ def _overlay(
     from scenegen.scenes.formats.registry import check_ending
 
     check_ending(out, ".png")
-    if (photo is None) == (live is None):
-        question = "give --photo, a picture of the mat, or --live, a camera"
-        raise RequestError(MISSING_ARGUMENT(argument="photo", question=question))
+    _check_one("photo", photo, "live", live, "give --photo, a picture of the mat, or --live, a camera")
     suite, start = _find_start(place, episodes, reverse)
     stage, lens = TableStage.from_suite(suite), None if camera is None else Lens.read(camera)
     if photo is not None:

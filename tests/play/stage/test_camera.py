@@ -193,3 +193,7 @@ def test_a_video_is_drawn_until_it_ends(stage, scene, plain, tmp_path, warm):
     done = warm.run([*words, "--live", "37"], tmp_path)
     assert done.returncode == 1 and done.stderr.startswith("error[stage-photo]: no picture comes from the camera `37`")
     assert done.stderr.count("\n") == 2 and not (tmp_path / "o.png").exists()
+    done = warm.run([*words, "--live", "0", "--photo", "0000.png"], tmp_path)
+    assert done.returncode == 1 and "does not go with --photo" in done.stderr
+    done = warm.run(words, tmp_path)
+    assert done.returncode == 1 and "or --live, a camera" in done.stderr

@@ -38,38 +38,36 @@ def load_hand(role: Literal["world", "policy"], text: str) -> Callable[..., Any]
 
 def make_hand(source: str, task: SuiteTask, suite: Suite) -> HandWorld:
     """Raises OSError without a terminal, and for a source that is neither a folder nor a camera."""
-    folder = Path(source) if source else None
-    if folder and not (folder.exists() or source.isdecimal() or "://" in source):
+    if source and not (Path(source).exists() or source.isdecimal() or "://" in source):
         raise FileNotFoundError(f"there is no folder {source} for pictures; make it first")
     terminal = Path(TERMINAL)
-    return HandWorld(TableStage.from_suite(suite), folder, terminal.open(), terminal.open("w"), source)
+    return HandWorld(TableStage.from_suite(suite), source, terminal.open(), terminal.open("w"))
 
 
 @dataclass(slots=True, eq=False)
 class HandWorld:
-    """Calls of Gymnasium, answered by whoever reads `screen` and writes on `keys`. Where `folder` is one, the newest
-    picture that came into it is looked at, and camera.json in it says what is known of the camera; otherwise `source`
-    is a camera of OpenCV. overlay.png is written into the folder, or here. A policy acts on the robot itself in its one
-    call of an episode."""
+    """Calls of Gymnasium, answered by whoever reads `screen` and writes on `keys`. Where `source` is a folder, the newest
+    picture that came into it is looked at; otherwise it is a camera of OpenCV, or "" where nothing is looked at.
+    overlay.png is written into the folder, or here; camera.json there says what is known of the camera. A policy acts
+    on the robot itself in its one call of an episode."""
 
     stage: TableStage
-    folder: Path | None
+    source: str
     keys: TextIO
     screen: TextIO
-    source: str = ""
     start: GradedStart | None = None
     old: set[tuple[Path, int]] = field(default_factory=set)  # pictures that were looked at, or there before
 
     def reset(self, *, seed: int, options: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
         self.start = start = options["start"]
         self._say("", write_card(self.stage, start))
-        if self.folder is None:
+        if not self.source:
             self._ask("Enter when all stand there")
             return {}, {"success": None}
         self.old |= self._pictures()
         while True:
-            camera = "" if not self.folder.is_dir() else f" and a new picture is in {self.folder}"
-            self._ask(f"Enter when all stand there{camera}")
+            picture = f" and a new picture is in {self.source}" if self._is_folder else ""
+            self._ask(f"Enter when all stand there{picture}")
             poses = self._look()
             if poses is None:
                 continue
@@ -81,9 +79,8 @@ class HandWorld:
 
     def step(self, action: object) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         assert self.start is not None
-        look = self.folder is not None
-        question = f"did it succeed? [y]es, [n]o{', [p]hi of a new picture' if look else ''}"
-        while (said := self._ask(question, "ynp" if look else "yn")) == "p":
+        question = f"did it succeed? [y]es, [n]o{', [p]hi of a new picture' if self.source else ''}"
+        while (said := self._ask(question, "ynp" if self.source else "yn")) == "p":
             if (poses := self._look()) is not None:
                 phi = check_poses(self.start, poses).phi
                 self._say(f"phi {phi:.4f}: {'a success' if phi >= 0.0 else 'a failure'}")
@@ -96,8 +93,8 @@ class HandWorld:
 
     def _look(self) -> Array | None:
         """Where things stand in a new picture; None where it does not show that, and why is said."""
-        assert self.folder is not None and self.start is not None
-        place = self.folder if self.folder.is_dir() else Path()
+        assert self.start is not None
+        place = Path(self.source if self._is_folder else "")
         try:
             photo, lens = self._photograph(), place / CAMERA_FILE
             camera = find_camera(self.stage, photo, Lens.read(lens) if lens.exists() else None, self.start)
@@ -113,18 +110,21 @@ class HandWorld:
 
     def _photograph(self) -> Photograph:
         """Raises DataError."""
-        assert self.folder is not None
-        if not self.folder.is_dir():
+        if not self._is_folder:
             return Photograph.from_picture(next(read_frames(self.source)), f"camera {self.source}")
         new = self._pictures() - self.old
         if not new:
-            raise DataError(STAGE_PHOTO(folder=self.folder))
+            raise DataError(STAGE_PHOTO(folder=self.source))
         self.old |= new
         return Photograph.read(max(new, key=itemgetter(1))[0])
 
+    @property
+    def _is_folder(self) -> bool:
+        return bool(self.source) and Path(self.source).is_dir()
+
     def _pictures(self) -> set[tuple[Path, int]]:
         """Those in the folder, and when each was written."""
-        files = self.folder.iterdir() if self.folder is not None and self.folder.is_dir() else ()
+        files = Path(self.source).iterdir() if self._is_folder else ()
         names = (one for one in files if one.suffix.lower() in PICTURE_ENDINGS and one.name != OVERLAY_FILE)
         return {(one, one.stat().st_mtime_ns) for one in names}
 

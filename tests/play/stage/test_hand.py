@@ -2,7 +2,6 @@
 
 import io
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,8 +16,8 @@ from scenegen.play.suites.report import band_that_stood, report_suite
 from scenegen.play.suites.run import Player
 
 
-def world_of(stage, keys, folder=None):
-    return hand.HandWorld(stage, folder, io.StringIO(keys), io.StringIO())
+def world_of(stage, keys, source=""):
+    return hand.HandWorld(stage, str(source), io.StringIO(keys), io.StringIO())
 
 
 def test_without_pictures_it_shows_a_card_and_asks(stage, suite):
@@ -61,8 +60,7 @@ def test_a_camera_is_looked_at(stage, suite, tmp_path, monkeypatch):
     cv2 = pytest.importorskip("cv2")
     monkeypatch.chdir(tmp_path)
     cv2.imwrite("0000.png", np.full((400, 600, 3), 120, np.uint8))
-    world = world_of(stage, "\n", tmp_path / "%04d.png")
-    world.source = "%04d.png"
+    world = world_of(stage, "\n", "%04d.png")
     with pytest.raises(ScenegenError):
         world.reset(seed=1, options={"start": suite[7]})
     said = world.screen.getvalue()
@@ -87,7 +85,7 @@ def test_a_player_records_the_scene_that_was_set(stage, suite, monkeypatch):
     check_name("policy", "hand:mine")
     stored = suite[7].task.scenes.poses[suite[7].row] + (0.002, 0.0, 0.0)
     monkeypatch.setattr(hand.HandWorld, "_look", lambda self: stored)
-    monkeypatch.setattr(hand, "make_hand", lambda folder, task, suite: world_of(stage, "\nt\nn\n", Path(folder)))
+    monkeypatch.setattr(hand, "make_hand", lambda folder, task, suite: world_of(stage, "\nt\nn\n", folder)))
     played = Player(suite.folder, False, "hand:photos", "hand:mine", False, 10)(7)
     assert played.success is False and played.error is None and played.steps == 1
     assert played.scene.poses["red"] == tuple(stored[0])

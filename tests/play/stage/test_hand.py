@@ -85,7 +85,7 @@ def test_a_player_records_the_scene_that_was_set(stage, suite, monkeypatch):
     check_name("policy", "hand:mine")
     stored = suite[7].task.scenes.poses[suite[7].row] + (0.002, 0.0, 0.0)
     monkeypatch.setattr(hand.HandWorld, "_look", lambda self: stored)
-    monkeypatch.setattr(hand, "make_hand", lambda folder, task, suite: world_of(stage, "\nt\nn\n", folder)))
+    monkeypatch.setattr(hand, "make_hand", lambda folder, task, suite: world_of(stage, "\nt\nn\n", folder))
     played = Player(suite.folder, False, "hand:photos", "hand:mine", False, 10)(7)
     assert played.success is False and played.error is None and played.steps == 1
     assert played.scene.poses["red"] == tuple(stored[0])

@@ -33,7 +33,7 @@ FOCAL, FOCAL_SPREAD = 0.8, 0.25  # of the longer side; standard deviation of its
 EXIF_SPREAD = 0.03  # where the photograph says it
 BEND_SPREAD = 0.1  # of k1
 MIDDLE_SPREAD = 0.006  # of the longer side: how far the principal point is from the middle
-POSE, LENS = 6, 4  # parameters of a camera: of its place, and of its lens
+POSE_PARAMETERS, LENS_PARAMETERS = 6, 4  # parameters of a camera: of its place, and of its lens
 PIXEL_ERROR = 0.2  # standard deviation of a corner of a tag, pixels
 MOST_OFF = 0.0015  # metres: what corners of the mat's tags may be off; a thousandth of the mat, or a pixel, if more
 OTHER_SIZE = 0.01  # relative: a mat of another size
@@ -259,14 +259,16 @@ class _CameraFit:
         starts = []
         for focal in [usual] if self.lens or self.photo.focal else [share * long for share in FOCAL_STARTS]:
             start = np.array(
-                [0.0] * POSE + [math.log(focal)] + [0.0] * (LENS - 1 + 3 * len(self.squares) + 2 * self.free)
+                [0.0] * POSE_PARAMETERS
+                + [math.log(focal)]
+                + [0.0] * (LENS_PARAMETERS - 1 + 3 * len(self.squares) + 2 * self.free)
             )
             guess = self.camera(start)
             _, turns, shifts, _ = cv2.solvePnPGeneric(
                 self.points(start), self.pixels, guess.matrix, guess.distortion, flags=cv2.SOLVEPNP_IPPE
             )
             for one, by in zip(turns, shifts, strict=True):
-                there = np.concatenate([one.ravel(), by.ravel(), start[POSE:]])
+                there = np.concatenate([one.ravel(), by.ravel(), start[POSE_PARAMETERS:]])
                 for k, (_, height, pixels) in enumerate(self.squares):
                     corners = self.camera(there).place(pixels, height)
                     across = corners[1] - corners[0]
@@ -275,9 +277,14 @@ class _CameraFit:
         starts.sort(key=lambda one: float(np.square(self.residuals(one)).sum()))
         found = (_least_squares(self.residuals, one) for one in starts[:TRIED_STARTS])
         best, _, normal = min(found, key=itemgetter(1))
-        values, ways = np.linalg.eigh(np.linalg.pinv(normal)[: POSE + LENS, : POSE + LENS])
+        values, ways = np.linalg.eigh(
+            np.linalg.pinv(normal)[: POSE_PARAMETERS + LENS_PARAMETERS, : POSE_PARAMETERS + LENS_PARAMETERS]
+        )
         offs = (ways * np.sqrt(values.clip(min=0.0))).T
-        camera = replace(self.camera(best), doubts=tuple(self.camera(best[: POSE + LENS] + off) for off in offs))
+        camera = replace(
+            self.camera(best),
+            doubts=tuple(self.camera(best[: POSE_PARAMETERS + LENS_PARAMETERS] + off) for off in offs),
+        )
         off = camera.place(self.pixels, 0.0) - self.points(best)[:, :2]
         return camera, float(np.hypot(*off.T).max()), np.exp(best[-2:])
 
@@ -297,13 +304,13 @@ class _CameraFit:
 
     def square(self, given: Array, k: int) -> Array:
         """The parameters of a square, to be read and set."""
-        return given[POSE + LENS + 3 * k :][:3]
+        return given[POSE_PARAMETERS + LENS_PARAMETERS + 3 * k :][:3]
 
     def camera(self, given: Array) -> StageCamera:
         import cv2
 
         height, width = self.photo.picture.shape[:2]
-        focal = math.exp(given[POSE])
+        focal = math.exp(given[POSE_PARAMETERS])
         u, v = (given[8:10] * max(height, width) + ((width - 1) / 2.0, (height - 1) / 2.0)).tolist()
         matrix = np.array([[focal, 0.0, u], [0.0, focal, v], [0.0, 0.0, 1.0]])
         lens = self.lens or Lens(matrix, np.array([given[7], 0.0, 0.0, 0.0, 0.0]))
@@ -320,7 +327,11 @@ class _CameraFit:
             pixels.append(seen)
         seen_at = self.camera(given).project(np.concatenate(points))
         off = (seen_at - np.concatenate(pixels)).ravel() / PIXEL_ERROR
-        known = [(given[POSE] - math.log(usual)) / spread, given[7] / BEND_SPREAD, *given[8:10] / MIDDLE_SPREAD]
+        known = [
+            (given[POSE_PARAMETERS] - math.log(usual)) / spread,
+            given[7] / BEND_SPREAD,
+            *given[8:10] / MIDDLE_SPREAD,
+        ]
         return np.concatenate([off, known])
 
 

@@ -16,17 +16,17 @@ from scenegen.arrays import Array
 from scenegen.errors import DataError
 from scenegen.geometry.footprint import measures
 from scenegen.looks.camera import from_place
+from scenegen.looks.chart_style import INK, PAPER
 from scenegen.play.stage.camera import Photograph, StageCamera
 from scenegen.play.stage.check import check_poses, describe_shift
 from scenegen.play.stage.measure import check_table, pose_by_tag, poses_by_tags
 from scenegen.play.stage.stage import TableStage, outline_at
 from scenegen.play.suites.suite import GradedStart
 
-INK, PAPER = (32, 34, 38), (250, 249, 246)
 OUTLINE_COLORS = ((255, 140, 0), (0, 190, 255), (255, 70, 170), (150, 220, 40), (255, 225, 60), (170, 130, 255))
 PANE_HEIGHT, MOST_PANE_WIDTH = 900, 1400  # pixels
 DRAWN_LARGER = 3  # lines are drawn so much larger, then scaled down
-FIELDS = (5.0, 100.0)  # degrees that the renderer takes
+FIELD_LIMITS = (5.0, 100.0)  # degrees that the renderer takes
 AIR = 0.04  # around the grid, of its size in the picture
 ARROW_HEAD = 0.35  # of an arrow: how long its head is, and how wide
 MOST_EDGES = 12  # of an outline whose upright edges are drawn
@@ -106,7 +106,7 @@ def _view_of(
     wide, high = (float((1.0 + AIR) * np.abs(slope / ahead).max()) for slope in (across, down))
     size = min(MOST_PANE_WIDTH, round(PANE_HEIGHT * wide / high)), PANE_HEIGHT
     field = 2.0 * math.degrees(math.atan(max(high, wide * size[1] / size[0])))
-    return eye, target, size, min(max(field, FIELDS[0]), FIELDS[1]), roll
+    return eye, target, size, min(max(field, FIELD_LIMITS[0]), FIELD_LIMITS[1]), roll
 
 
 class _Pane:

@@ -39,7 +39,7 @@ MOST_METRES = 10.0
 ADVICE_STARTS, LEAST_OF_BAND = 2048, 0.005  # drawn to find what would do, and which share of them a band has at least
 ADVICE_EDGES, PROVED_STARTS = 48, 12  # places where bands may end, and how many of a band's starts are tried to prove
 EPS_ERROR = 1e-9  # metres and radians
-SMALLER = (0.8, 0.65, 0.5, 0.4, 0.3, 0.2, 0.1)  # tolerances that are tried, in that which was asked for
+TOLERANCE_SHARES = (0.8, 0.65, 0.5, 0.4, 0.3, 0.2, 0.1)  # tolerances that are tried, in that which was asked for
 RADIAN_LENGTH = 0.1  # metres: what a radian counts when the widest side of a box is looked for
 
 
@@ -102,7 +102,7 @@ class Placing:
                     each = enumerate(reversed(bands), 1)
                     said.append(" ".join(f"--bands level{k}={low:g}:{high:g}" for k, (low, high) in each))
                     break
-            for share in SMALLER if any(self.errors) else ():
+            for share in TOLERANCE_SHARES if any(self.errors) else ():
                 metres, radians = (share * error + EPS_ERROR for error in self.errors)
                 cm, degrees = math.floor(1e3 * metres) / 10.0, math.floor(math.degrees(radians))
                 placing = replace(self, errors=(cm / 100.0, math.radians(degrees)))

@@ -28,7 +28,7 @@ PANE_HEIGHT, MOST_PANE_WIDTH = 900, 1400  # pixels
 DRAWN_LARGER = 3  # lines are drawn so much larger, then scaled down
 FIELD_LIMITS = (5.0, 100.0)  # degrees that the renderer takes
 AIR = 0.04  # around the grid, of its size in the picture
-ARROW_HEAD = 0.35  # of an arrow: how long its head is, and how wide
+ARROW_HEAD_SHARE = 0.35  # of an arrow: how long its head is, and how wide
 MOST_EDGES = 12  # of an outline whose upright edges are drawn
 SHOWN_ERROR = 0.005  # metres: an object that is off by more gets an arrow
 Project = Callable[[Array], Array]  # points (P, 3) of the mat's frame -> places (P, 2) in a pane
@@ -45,7 +45,7 @@ def draw_overlay(
     """A PNG: the part of the picture with the grid, with each object's outline on the table and at its top, its name
     and place, and the arrow of its heading; from where it stands to where it should, where its tag is seen. Below it
     what is `said` of it, on the right what `render_start` made."""
-    seen = camera.project(_framed(stage, start))
+    seen = camera.project(_frame_corners(stage, start))
     low, high = _crop(seen, photo.picture.shape[1], photo.picture.shape[0])
     zoom = min(PANE_HEIGHT / (high[1] - low[1]), MOST_PANE_WIDTH / (high[0] - low[0]))
     size = round((high[0] - low[0]) * zoom), round((high[1] - low[1]) * zoom)
@@ -87,7 +87,7 @@ def render_start(stage: TableStage, start: GradedStart, camera: StageCamera) -> 
         drawn = start.task.scenes[[start.row]].render(Path(folder) / "drawn", size=size, looks=looks, workers=1)
         with Image.open(drawn.pictures[0]) as opened:
             picture = opened.convert("RGB")
-    pane = _Pane(picture, from_place(_framed(stage, start), size, eye, target, field, roll).project)
+    pane = _Pane(picture, from_place(_frame_corners(stage, start), size, eye, target, field, roll).project)
     pane.draw_start(stage, start)
     return pane.finish()
 
@@ -97,7 +97,7 @@ def _view_of(
 ) -> tuple[Array, Array, tuple[int, int], float, float]:
     """Of a picture as large as a pane: where the camera is and what it looks at (3,), the size in pixels, and its field
     and roll in degrees."""
-    points = _framed(stage, start)
+    points = _frame_corners(stage, start)
     eye, target = -camera.turn.T @ camera.shift, np.array([sum(stage.x) / 2.0, sum(stage.y) / 2.0, 0.0])
     right = from_place(points, (2, 2), eye, target, 60.0).extrinsics()[:2, :3] @ camera.turn[0]
     roll = math.degrees(math.atan2(right[1], right[0]))
@@ -167,8 +167,8 @@ class _Pane:
 
     def _arrow(self, begin: Array, tip: Array, height: float, color: tuple[int, int, int]) -> None:
         way = tip - begin
-        side = ARROW_HEAD * np.array([-way[1], way[0]]) / 2.0
-        neck = tip - ARROW_HEAD * way
+        side = ARROW_HEAD_SHARE * np.array([-way[1], way[0]]) / 2.0
+        neck = tip - ARROW_HEAD_SHARE * way
         self._line(self._places(np.array([begin, neck]), height), color, 3.0)
         corners = self._places(np.array([tip, neck + side, neck - side]), height)
         self._line([*corners, corners[0]], color, 1.5)
@@ -204,7 +204,7 @@ def _overlap(one: tuple[float, ...], other: tuple[float, ...]) -> float:
     return max(0.0, width) * max(0.0, height)
 
 
-def _framed(stage: TableStage, start: GradedStart) -> Array:
+def _frame_corners(stage: TableStage, start: GradedStart) -> Array:
     """(8, 3): what a pane shows: the grid with its names, and as high as the highest object."""
     x, y = ((low - stage.margin, high + stage.margin) for low, high in (stage.x, stage.y))
     high = max(height for _, height in stage.tops(start))

@@ -156,7 +156,7 @@ def test_the_overlay_is_drawn_where_outlines_are_seen(stage, scene, plain):
     photo = Photograph.from_picture(plain[0], "p.jpg")
     camera = find_camera(stage, photo)
     drawn = np.asarray(Image.open(io.BytesIO(draw_overlay(stage, start, photo, camera, "ok")))).astype(int)
-    low, high = overlay._crop(camera.project(overlay._framed(stage, start)), *plain[0].shape[::-1])
+    low, high = overlay._crop(camera.project(overlay._frame_corners(stage, start)), *plain[0].shape[::-1])
     zoom = overlay.PANE_HEIGHT / (high[1] - low[1])
     assert drawn.shape[0] == overlay.PANE_HEIGHT + 72 and drawn.shape[1] == round((high[0] - low[0]) * zoom)
     pose, shape = start.task.scenes.poses[start.row][0], start.task.spec.checked.shapes[0]
@@ -173,7 +173,7 @@ def test_the_rendered_start_is_seen_by_the_same_camera(stage, scene, plain):
     camera = find_camera(stage, photo)
     pane = render_start(stage, start, camera)
     eye, target, _, _, roll = overlay._view_of(stage, start, camera)
-    rendered = overlay.from_place(overlay._framed(stage, start), pane.size, eye, target, 40.0, roll)
+    rendered = overlay.from_place(overlay._frame_corners(stage, start), pane.size, eye, target, 40.0, roll)
     assert np.allclose(rendered.eye, -camera.turn.T @ camera.shift)
     across = rendered.extrinsics()[0, :3] @ camera.turn[0]
     assert across > 0.97, "to the right is to the right"

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scenegen.cli.options import argument, check_action, choices, metres, option
 from scenegen.cli.output import print_error
-from scenegen.errors import RequestError
+from scenegen.errors import DataError, RequestError, quote_names
 from scenegen.errors.requests import MISSING_ARGUMENT, OUT_OF_PLACE, OUT_OF_RANGE, UNKNOWN_CHOICE
 
 if TYPE_CHECKING:
     from scenegen.play.suites.suite import GradedStart, Suite
 
+SMALL_TAG = 0.015  # metres
 STAGE_OPTIONS = {  # of each action: those that must be given, and the others
     "mat": (("out",), ("paper", "grid")),
     "sheet": ((), ("out", "paper", "grid", "episodes", "reverse")),
     "check": (("episodes",), ("photo", "corners", "poses", "camera", "ruler", "out", "grid", "reverse")),
-    "overlay": (("episodes", "photo", "out"), ("camera", "reverse")),
+    "overlay": (("episodes", "out"), ("photo", "live", "camera", "reverse")),
     "order": (("out",), ("episodes", "pairs", "reverse")),
 }
 
@@ -35,6 +37,7 @@ def stage(
     grid: float | None = option("From line to line; default: 2cm.", "LENGTH", parser=metres),
     episodes: str | None = option("sheet: some of them, or one; default: all. check: which one.", "FIRST:END|N"),
     photo: Path | None = option("check: a photograph of the mat, objects with their tags on them.", "FILE"),
+    live: str | None = option("overlay: a camera's number, a video, or a URL: drawn anew until Ctrl-C.", "SOURCE"),
     corners: Path | None = option("check: with --photo, a table of pixels of outlines: object, u, v.", "FILE"),
     poses: Path | None = option("check: a table of poses instead: mug.x, mug.y, mug.theta, ...", "FILE"),
     camera: Path | None = option("check: what a calibration gave, JSON; default: fitted with the mat.", "FILE"),
@@ -57,9 +60,9 @@ def stage(
     `check` says by how much each object is off, phi of what really stands there and its band; where that is not the
     start's, or something that the spec requires does not hold, it says what to move, and the exit status is 1.
 
-    `overlay` draws the outlines into a picture. `order` writes an order in which things move little from one start to
-    the next, for `scenegen suite run --order`; with --pairs each start twice, for two policies by letters A and B,
-    and a second file that says whose turn is when.
+    `overlay` draws the outlines into a picture, or again and again into those of a camera. `order` writes an order in
+    which things move little from one start to the next, for `scenegen suite run --order`; with --pairs each start
+    twice, for two policies by letters A and B, and a second file that says whose turn is when.
     """
     given = {name: value for name, value in locals().items() if value is not None and value is not False}
     del given["action"], given["suite"]
@@ -81,6 +84,11 @@ def _mat(place: str, out: Path, paper: str = "a4", **given: Any) -> None:
     write_whole(out, write_pdf([draw_mat(stage, suite.name, paper), *draw_tags(stage, suite.name)]))
     width, height = (100.0 * side for side in stage.size)
     print_error(f"a mat of {width:.1f} x {height:.1f} cm and {len(stage.things)} tags of things in {out}")
+    small = [thing.name for thing in stage.things if thing.side < SMALL_TAG]
+    if small:
+        print_error(
+            f"cameras hardly see tags as small as those of {quote_names(small)}: check with --corners or --poses"
+        )
 
 
 def _sheet(place: str, out: Path | None = None, paper: str = "a4", grid: float | None = None, **given: Any) -> None:
@@ -116,9 +124,7 @@ def _check(
     from scenegen.play.stage.measure import measure_poses
     from scenegen.play.stage.stage import TableStage
 
-    if (photo is None) == (poses is None):
-        question = "give --photo, a picture of the table, or --poses, a table of places"
-        raise RequestError(MISSING_ARGUMENT(argument="photo", question=question))
+    _check_one("photo", photo, "poses", poses, "give --photo, a picture of the table, or --poses, a table of places")
     for name, value in (("corners", corners), ("camera", camera), ("ruler", ruler)):
         if value is not None and photo is None:
             raise RequestError(OUT_OF_PLACE(argument=name, rule="goes with --photo", remedy="leave it out"))
@@ -131,6 +137,14 @@ def _check(
     return 0 if found.ok else 1
 
 
+def _check_one(name: str, value: object, other: str, its: object, question: str) -> None:
+    """Raises RequestError unless one of two arguments is given."""
+    if value is None and its is None:
+        raise RequestError(MISSING_ARGUMENT(argument=name, question=question))
+    if value is not None and its is not None:
+        raise RequestError(OUT_OF_PLACE(argument=other, rule=f"does not go with --{name}", remedy="leave one out"))
+
+
 def _find_start(place: str, episodes: str, reverse: bool) -> tuple[Suite, GradedStart]:
     """A suite and the one start of it that is on the table. Raises RequestError."""
     suite, starts = _starts(place, episodes, reverse)
@@ -140,20 +154,46 @@ def _find_start(place: str, episodes: str, reverse: bool) -> tuple[Suite, Graded
 
 
 def _overlay(
-    place: str, episodes: str, photo: Path, out: Path, camera: Path | None = None, reverse: bool = False
+    place: str,
+    episodes: str,
+    out: Path,
+    photo: Path | None = None,
+    live: str | None = None,
+    camera: Path | None = None,
+    reverse: bool = False,
 ) -> None:
-    from scenegen.play.stage.camera import Lens, Photograph, find_camera
-    from scenegen.play.stage.overlay import draw_overlay
+    from scenegen.needs import is_installed
+    from scenegen.play.stage.camera import Lens, Photograph, find_camera, read_frames
+    from scenegen.play.stage.overlay import draw_overlay, judge_picture, render_start
     from scenegen.play.stage.stage import TableStage
     from scenegen.scenes.files import write_whole
     from scenegen.scenes.formats.registry import check_ending
 
     check_ending(out, ".png")
+    _check_one("photo", photo, "live", live, "give --photo, a picture of the mat, or --live, a camera")
     suite, start = _find_start(place, episodes, reverse)
-    stage, picture = TableStage.from_suite(suite), Photograph.read(photo)
-    seen = find_camera(stage, picture, None if camera is None else Lens.read(camera))
-    write_whole(out, draw_overlay(stage, start, picture, seen))
-    print_error(f"episode {start.number} drawn into {photo}: {out}")
+    stage, lens = TableStage.from_suite(suite), None if camera is None else Lens.read(camera)
+    if photo is not None:
+        pictures = iter([Photograph.read(photo)])
+    else:
+        pictures = (Photograph.from_picture(frame, f"camera {live}") for frame in read_frames(str(live)))
+    beside, said, fault = None, "", None
+    with suppress(KeyboardInterrupt) if live is not None else nullcontext():
+        for picture in pictures:
+            try:
+                seen = find_camera(stage, picture, lens, start)
+            except DataError as error:
+                fault = error
+                continue
+            if beside is None and is_installed("pybullet"):
+                beside = render_start(stage, start, seen)
+            before, said = said, judge_picture(stage, start, picture, seen)
+            write_whole(out, draw_overlay(stage, start, picture, seen, said, beside))
+            if said != before:
+                print_error(said)
+    if not said and fault is not None:
+        raise fault
+    print_error(f"episode {start.number} drawn into {photo or f'camera {live}'}: {out}")
 
 
 def _order(place: str, out: Path, episodes: str | None = None, pairs: bool = False, reverse: bool = False) -> None:

@@ -158,14 +158,21 @@ STAGE_PHOTO = Kind(
     (
         "{file} is no picture: {reason}",
         "{file} is no calibrated camera{wanted:?}",
-        "{file} shows {count} of the 4 tags of the mat; missing: {missing:list}",
+        "{file} is mirrored{mirrored:?}",
+        "no new picture is in {folder}",
         "{file} shows no tag of the mat{count:?}",
+        "{file} shows {seen} of the 4 tags of the mat: places are good to {spread:.0f} mm only",
+        "no picture comes from the camera `{source}`",
     ),
     help=(
         "give it a photograph, .jpg or .png{reason:?}",
         "write {wanted}",
-        "three are needed: take what covers them away, or take the picture from farther away{missing:?}",
-        "all four corners of the mat should be in the picture, in focus and without glare",
+        "switch that off in the camera's settings{mirrored:?}",
+        "take one, {folder} is looked at again at the next Enter",
+        "all four corners of the mat should be in the picture, in focus and without glare; its tags are AprilTags"
+        " 36h11, 0 to 3{count:?}",
+        "take what covers them away, go farther away so that all four are in the picture, or give --camera{spread:?}",
+        "give the number of a camera (0 is the first), a video, a folder's `%04d.png`, or a URL",
     ),
 )
 STAGE_MAT = Kind(
@@ -187,12 +194,14 @@ STAGE_THINGS = Kind(
         "{file} shows {stranger:quoted}, which this start does not have[[, and not {missing:quoted}]]",
         "{file} does not show {missing:quoted}",
         "`{name}` stands off the table: at {x:.1f} cm, {y:.1f} cm",
+        "`{name}` is turned by {theta:g} in {file}: that is more than 2 pi{theta:?}",
         "the outline of `{name}` does not fit the corners in {file}: it is {off:.1f} mm off",
     ),
     help=(
         "take it away, or see whether tags are mixed up{stranger:?}",
-        "turn its tag to the camera, and take the picture from where nothing covers it{missing:?}",
-        "the mat ends at {table}",
+        "turn its tag to the camera, and take the picture from nearer, where nothing covers it{missing:?}",
+        "the mat ends at {table}; a table of poses is in metres",
+        "headings are in radians, from the right-hand side of the mat{theta:?}",
         "give the corners of its top, three at least, two of a box",
     ),
 )

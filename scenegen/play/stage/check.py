@@ -73,7 +73,7 @@ class StageCheck:
         said = [f"episode {start.number}: {start.task.name}, {start.band}"]
         for which, name in enumerate(start.objects):
             x, y, turn = self.off[which].tolist()
-            turned = "" if stage.thing(spec, which).is_round else f", turned {math.degrees(turn):+.0f} deg"
+            turned = "" if stage.thing(spec, which).is_round else f", turned {round(math.degrees(turn)):+d} deg"
             place = stage.name_place(*self.poses[which, :2].tolist())
             said.append(f"  {name}: {place}; off by {100.0 * math.hypot(x, y):.1f} cm ({describe_shift(x, y)}){turned}")
         wanted = _band_of(start)

@@ -13,12 +13,12 @@ import numpy as np
 from scenegen.api.reading import read_scenes
 from scenegen.arrays import Array
 from scenegen.errors import DataError, RequestError
-from scenegen.errors.files import NOT_SCENES
+from scenegen.errors.files import NOT_SCENES, TABLE_COLUMN
 from scenegen.errors.requests import OUT_OF_RANGE
-from scenegen.errors.worlds import STAGE_MAT, STAGE_THINGS
+from scenegen.errors.worlds import STAGE_MAT, STAGE_PHOTO, STAGE_THINGS
 from scenegen.geometry import Circle
 from scenegen.play.stage.camera import Lens, Photograph, StageCamera, find_camera
-from scenegen.play.stage.stage import StageThing, TableStage, square_corners
+from scenegen.play.stage.stage import MAT_TAGS, StageThing, TableStage, square_corners
 from scenegen.play.suites.suite import GradedStart
 from scenegen.pose import THETA, TWO_PI
 from scenegen.scenes.formats.tables import read_table
@@ -26,6 +26,7 @@ from scenegen.things.outline import corners_of
 
 MOST_PRINT_ERROR = 0.012  # relative, of sizes that a photograph tells
 MOST_RULER_ERROR = 0.005  # relative, of the ruler of the mat
+MOST_SPREAD = 0.006  # metres: two standard deviations of places in a picture
 MOST_CORNER_ERROR = 0.008  # metres: a click that is off by more is on another corner
 MAX_CLICKED_CORNERS = 6  # of an outline with corners: every order of more takes too long
 
@@ -49,7 +50,8 @@ def measure_poses(
         if ruler is not None:
             check_ruler(str(photo), ruler)
         picture = Photograph.read(photo)
-        seen = find_camera(stage, picture, None if camera is None else Lens.read(camera))
+        seen = find_camera(stage, picture, None if camera is None else Lens.read(camera), start)
+        _check_spread(stage, start, picture, seen)
         if corners is None:
             found = poses_by_tags(stage, start, picture, seen)
         else:
@@ -61,13 +63,14 @@ def measure_poses(
 def poses_by_tags(stage: TableStage, start: GradedStart, photo: Photograph, camera: StageCamera) -> Array:
     """(N, 3). Raises DataError where an object's tag is not seen, or another thing's is on the mat, and where the tags
     are of another size on the mat than on the things: the printer changed one of both."""
-    wanted = _things_of(stage, start)
+    tops = stage.tops(start)
+    wanted = [thing for thing, _ in tops]
     seen = [thing for thing in stage.things if thing.tag in photo.tags]
     strangers = [one.name for one in seen if one not in wanted and _is_on(stage, one, photo, camera)]
     missing = [name for name, one in zip(start.objects, wanted, strict=True) if one not in seen]
     if strangers or missing:
         raise DataError(STAGE_THINGS(file=photo.name, stranger=strangers, missing=missing))
-    found = [pose_by_tag(one, height, photo, camera) for one, height in zip(wanted, tops_of(start), strict=True)]
+    found = [pose_by_tag(one, height, photo, camera) for one, height in tops]
     size = float(np.median([size for _, size in found]))
     if abs(size - 1.0) > MOST_PRINT_ERROR:
         raise DataError(STAGE_MAT(file=photo.name, percent=100.0 / size))
@@ -95,14 +98,16 @@ def poses_by_corners(stage: TableStage, start: GradedStart, path: Path, camera: 
     of round outlines three or more points. A heading that corners leave open is the one nearest to the start's. Raises
     DataError."""
     table = read_table(path, "corners", NOT_SCENES)
-    names = [str(one) for one in table.cells("object")] if "object" in table.names else []
+    if "object" not in table.names:
+        raise DataError(TABLE_COLUMN(file=path, name="object", known=sorted(table.names)))
+    names = [str(one) for one in table.cells("object")]
     pixels = np.column_stack([table.column("u"), table.column("v")])
     missing = [one for one in start.objects if one not in names]
     strangers = sorted(set(names) - set(start.objects))
     if missing or strangers:
         raise DataError(STAGE_THINGS(file=path, stranger=strangers, missing=missing))
     found = []
-    for which, (thing, height) in enumerate(zip(_things_of(stage, start), tops_of(start), strict=True)):
+    for which, (thing, height) in enumerate(stage.tops(start)):
         name, usual = start.objects[which], start.task.scenes.poses[start.row][which]
         points = camera.place(pixels[[one == name for one in names]], height)
         pose, off = _fit_outline(thing, points, float(usual[THETA]))
@@ -113,8 +118,12 @@ def poses_by_corners(stage: TableStage, start: GradedStart, path: Path, camera: 
 
 
 def poses_by_table(start: GradedStart, path: Path) -> Array:
-    """(N, 3), from the first row of a table of poses, or the first scene of a file. Raises DataError."""
+    """(N, 3), from the first row of a table of poses, or the first scene of a file. Raises DataError, also for headings
+    that are no radians."""
     poses: Array = read_scenes(path, stop=1, spec=start.task.spec).poses[0]
+    for name, theta in zip(start.objects, poses[:, THETA].tolist(), strict=True):
+        if abs(theta) > TWO_PI:
+            raise DataError(STAGE_THINGS(file=path, name=name, theta=theta))
     return poses
 
 
@@ -127,14 +136,15 @@ def check_table(stage: TableStage, start: GradedStart, poses: Array) -> None:
             raise DataError(STAGE_THINGS(name=name, x=100.0 * x, y=100.0 * y, table=table))
 
 
-def _things_of(stage: TableStage, start: GradedStart) -> list[StageThing]:
-    return [stage.thing(start.task.spec.checked, which) for which in range(len(start.objects))]
-
-
-def tops_of(start: GradedStart) -> list[float]:
-    """The height of each object's top above the mat, in metres."""
-    shapes = start.task.spec.checked.shapes
-    return [float(pose[2]) + shape.height for pose, shape in zip(start.poses, shapes, strict=True)]
+def _check_spread(stage: TableStage, start: GradedStart, photo: Photograph, camera: StageCamera) -> None:
+    """Raises DataError where the tags of the mat that are seen hardly tell where things are."""
+    spread = 2.0 * max(
+        camera.place_error(camera.project(np.array([[*pose[:2], height]])), height)
+        for pose, (_, height) in zip(start.task.scenes.poses[start.row], stage.tops(start), strict=True)
+    )
+    if spread > MOST_SPREAD:
+        seen = sum(tag in photo.tags for tag in range(MAT_TAGS))
+        raise DataError(STAGE_PHOTO(file=photo.name, seen=seen, spread=1000.0 * spread))
 
 
 def _is_on(stage: TableStage, thing: StageThing, photo: Photograph, camera: StageCamera) -> bool:

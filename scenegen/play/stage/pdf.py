@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from scenegen.errors import RequestError
+from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.needs import need
 
 if TYPE_CHECKING:
@@ -21,6 +23,7 @@ PAPERS = {  # millimetres
     "letter": (215.9, 279.4),
 }
 PAPER_EDGE = 10.0  # millimetres that printers leave white
+MOST_TILES = 64
 POINTS_PER_MM = 72.0 / 25.4
 
 
@@ -74,7 +77,7 @@ def fitting_scale(low: tuple[float, float], high: tuple[float, float], paper: st
 
 
 def write_pdf(drawings: Iterable[PaperDrawing]) -> bytes:
-    """Raises RequestError where fpdf2 is missing."""
+    """Raises RequestError where fpdf2 is missing, and for a drawing that takes too many pages."""
     need("fpdf", "for PDF files")
     from datetime import UTC, datetime
 
@@ -99,6 +102,10 @@ def _pages(pdf: FPDF, drawing: PaperDrawing) -> None:
         for way in ways
     ]
     paper, (columns, rows) = min(zip(ways, tiles, strict=True), key=lambda one: one[1][0] * one[1][1])
+    if rows * columns > MOST_TILES:
+        size = "{:.1f} x {:.1f} m".format(*(side / 1000.0 for side in drawing.size))
+        wanted = f"larger: {size} take {rows * columns:,} pages, and {MOST_TILES} are the most"
+        raise RequestError(OUT_OF_RANGE(argument="paper", value=drawing.paper, wanted=wanted))
     room = [side - 2.0 * PAPER_EDGE for side in paper]
     for row in range(rows):
         for column in range(columns):

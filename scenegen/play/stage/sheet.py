@@ -38,7 +38,7 @@ def _outlines(stage: TableStage, start: GradedStart, scale: float) -> Iterator[S
         else:
             yield _arrow(x, y, theta, measures(thing.shape.footprint).outer, ARROW_HEAD / scale)
         below = min(corner[1] for corner in corners) - letter
-        yield Words(x, below, f"{spec.objects[which]}: {stage.name_place(x, y)}", letter)
+        yield Words(x, below, f"{spec.objects[which]}: {stage.name_place(x, y)}{_height(start, which)}", letter)
 
 
 def _arrow(x: float, y: float, theta: float, length: float, head: float) -> Stroke:
@@ -55,5 +55,11 @@ def write_card(stage: TableStage, start: GradedStart) -> str:
     for which, (x, y, theta) in enumerate(start.task.scenes.poses[start.row].tolist()):
         thing = stage.thing(spec, which)
         heading = "" if thing.is_round else f", heading {math.degrees(theta):.0f} deg"
-        lines.append(f"  {spec.objects[which]}: {stage.name_place(x, y)}{heading}")
+        lines.append(f"  {spec.objects[which]}: {stage.name_place(x, y)}{_height(start, which)}{heading}")
     return "\n".join(lines) + "\n"
+
+
+def _height(start: GradedStart, which: int) -> str:
+    """How far above the mat an object stands on something."""
+    base = 100.0 * float(start.poses[which, 2])
+    return f", {base:.1f} cm above the mat" if base >= 0.05 else ""

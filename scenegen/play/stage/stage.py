@@ -14,7 +14,7 @@ from scenegen.errors.requests import OUT_OF_RANGE
 from scenegen.geometry import Box, Circle, Polygon
 from scenegen.geometry.footprint import measures
 from scenegen.lang.spec import CheckedSpec
-from scenegen.play.suites.suite import Suite
+from scenegen.play.suites.suite import GradedStart, Suite
 from scenegen.things.library import Shape
 from scenegen.things.outline import corners_of
 
@@ -111,6 +111,14 @@ class TableStage:
         """That of an object of a task."""
         name, shape = spec.objects[which], replace(spec.shapes[which], color="")
         return next(one for one in self.things if one.shape == shape and one.name.partition(" ")[0] == name)
+
+    def tops(self, start: GradedStart) -> list[tuple[StageThing, float]]:
+        """Each object of a start, and the height of its top above the mat, in metres."""
+        spec = start.task.spec.checked
+        return [
+            (self.thing(spec, which), float(pose[2]) + shape.height)
+            for which, (pose, shape) in enumerate(zip(start.poses, spec.shapes, strict=True))
+        ]
 
 
 def square_corners(side: float) -> Array:

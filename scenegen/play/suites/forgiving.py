@@ -10,10 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
+from scenegen.api.sample import draw_scenes
 from scenegen.api.scene_arrays import rows_of
 from scenegen.api.scenes import SceneSet, evaluate
 from scenegen.api.spec import Spec
@@ -25,6 +28,7 @@ from scenegen.lang.formula.core import REQUIRE, Core, gate, read_rows
 from scenegen.lang.formula.interpret import phi as score
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import ANGLES, LENGTHS, THETA, as_poses, is_angle, row_count, rows_along, span_of, wrap_heading
+from scenegen.sampling.request import SampleRequest
 from scenegen.search.contract import Bounds, label_bounds
 from scenegen.search.effort import Budget
 from scenegen.search.tape import make_batches
@@ -32,6 +36,10 @@ from scenegen.search.tape import make_batches
 TRIED_ERRORS = 64  # of each start, at corners of the box, before bounds are computed
 MAX_PROOF_BOXES = 4096  # of one start; one that takes more is left out
 MOST_METRES = 10.0
+ADVICE_STARTS, LEAST_OF_BAND = 2048, 0.005  # drawn to find what would do, and which share of them a band has at least
+ADVICE_EDGES, PROVED_STARTS = 48, 12  # places where bands may end, and how many of a band's starts are tried to prove
+EPS_ERROR = 1e-9  # metres and radians
+TOLERANCE_SHARES = (0.8, 0.65, 0.5, 0.4, 0.3, 0.2, 0.1)  # tolerances that are tried, in that which was asked for
 RADIAN_LENGTH = 0.1  # metres: what a radian counts when the widest side of a box is looked for
 
 
@@ -77,6 +85,63 @@ class Placing:
         poses = as_poses(rows[: scenes.poses[0].size, kept])
         bare = SceneSet(poses, {}, scenes.header, on=None if scenes.on is None else scenes.on[kept], trusted=True)
         return replace(bare, phi=evaluate(checked, bare), trusted=True)
+
+    def advise(self, spec: Spec, label: str, ranges: Sequence[Bounds], edges: bool, seed: int, budget: Budget) -> str:
+        """What to type where ranges of phi of a label have too few such starts: as many bands as there can be, with
+        `edges` where they may end, and a tolerance with which the ranges do. Each is proved on some of the starts that
+        are drawn for it; "" where nothing was found, or time is up."""
+        said = []
+        with suppress(RequestError):
+            request = SampleRequest({}, ADVICE_STARTS, seed=seed, spread="base", timeout=budget.seconds_left, workers=1)
+            scenes = draw_scenes(spec, request)
+            reached = self._phi_within_errors(spec.checked, scenes, label)
+            ends = min(low for low, _ in ranges), max(high for _, high in ranges)
+            for count in range(len(ranges), 0, -1) if edges else ():
+                bands = _widest_bands(reached, ends, count)
+                if bands and self._have_starts(spec, scenes, label, reached, bands, budget):
+                    each = enumerate(reversed(bands), 1)
+                    said.append(" ".join(f"--bands level{k}={low:g}:{high:g}" for k, (low, high) in each))
+                    break
+            for share in TOLERANCE_SHARES if any(self.errors) else ():
+                metres, radians = (share * error + EPS_ERROR for error in self.errors)
+                cm, degrees = math.floor(1e3 * metres) / 10.0, math.floor(math.degrees(radians))
+                placing = replace(self, errors=(cm / 100.0, math.radians(degrees)))
+                reached = placing._phi_within_errors(spec.checked, scenes, label)
+                if placing._have_starts(spec, scenes, label, reached, ranges, budget):
+                    said.append(f"--tolerance {cm:g}cm,{degrees}deg")
+                    break
+        return " or ".join(said)
+
+    def _phi_within_errors(self, spec: CheckedSpec, scenes: SceneSet, label: str) -> tuple[Array, Array]:
+        """(B,) each: about the lowest and highest phi of a label within the errors; NaN where something breaks."""
+        core, rows, reach = gate(spec.core), rows_of(spec, self._onto_grid(spec, scenes)), self._reach(spec)
+        low, high = np.full(rows.shape[1], np.inf), np.full(rows.shape[1], -np.inf)
+        good, rng = _inside(rows, reach, spec.box()), np.random.default_rng(0)
+        for _ in range(TRIED_ERRORS):
+            phi = score(core, list(_wrap(rows + reach[:, None] * rng.choice((-1.0, 1.0), rows.shape))), NUMPY)
+            good &= phi[REQUIRE] >= 0.0
+            low, high = np.minimum(low, phi[label]), np.maximum(high, phi[label])
+        return np.where(good, low, np.nan), np.where(good, high, np.nan)
+
+    def _have_starts(
+        self,
+        spec: Spec,
+        scenes: SceneSet,
+        label: str,
+        reached: tuple[Array, Array],
+        ranges: Sequence[Bounds],
+        budget: Budget,
+    ) -> bool:
+        """Whether each range has enough of the scenes, and one of those that are farthest inside is proved."""
+        for low, high in ranges:
+            slack = np.minimum(reached[0] - low, high - reached[1])
+            inside = np.flatnonzero(slack >= 0.0)
+            some = inside[np.argsort(-slack[inside])][:PROVED_STARTS]
+            if len(inside) < LEAST_OF_BAND * len(scenes) or not len(
+                self.keep(spec, scenes[some], {label: (low, high)}, budget)
+            ):
+                return False
+        return True
 
     def _onto_grid(self, spec: CheckedSpec, scenes: SceneSet) -> SceneSet:
         free = [which for which in range(len(spec.objects)) if which not in spec.fixed]
@@ -124,9 +189,7 @@ def _prove(
     core: Core, rows: Array, reach: Array, wanted: Mapping[str, Bounds], box: tuple[Array, Array], budget: Budget
 ) -> Bool:
     """(B,): of which scenes all others within reach have phi of labels where it is wanted, and are in the workspace."""
-    lengths = [row for row in range(len(reach)) if reach[row] and not is_angle(row)]
-    inside = (rows - reach[:, None] >= box[0][:, None]) & (rows + reach[:, None] <= box[1][:, None])
-    good = np.asarray(inside[lengths].all(axis=0))
+    good = _inside(rows, reach, box)
     rng = np.random.default_rng(0)  # which corners are tried changes only how long a proof takes
     for _ in range(TRIED_ERRORS):
         some = np.flatnonzero(good)
@@ -137,6 +200,31 @@ def _prove(
             raise RequestError(NO_TIME_TO_CHECK())
         good[which] = _prove_one(core, rows[:, which], reach, wanted)
     return good
+
+
+def _inside(rows: Array, reach: Array, box: tuple[Array, Array]) -> Bool:
+    """(B,): of which scenes all others within reach are in the workspace."""
+    lengths = [row for row in range(len(reach)) if reach[row] and not is_angle(row)]
+    inside = (rows - reach[:, None] >= box[0][:, None]) & (rows + reach[:, None] <= box[1][:, None])
+    return np.asarray(inside[lengths].all(axis=0))
+
+
+def _widest_bands(reached: tuple[Array, Array], ends: Bounds, count: int) -> list[Bounds]:
+    """So many bands side by side from end to end, of which the one with the fewest scenes, whose lowest and highest phi
+    are `reached`, has most (dynamic programming over edges); none where one would be empty."""
+    low, high = (one[~np.isnan(one)] for one in reached)
+    if not len(low):
+        return []
+    inner = np.quantile(np.concatenate([low, high]), np.linspace(0.0, 1.0, ADVICE_EDGES)[1:-1])
+    edges = [ends[0], *sorted({float(f"{one:.3g}") for one in inner.tolist() if ends[0] < one < ends[1]}), ends[1]]
+    has = np.array([[((low >= a) & (high <= b)).sum() for b in edges] for a in edges])
+    best, ways = has[0], [[0]] * len(edges)
+    for _ in range(count - 1):
+        least = np.minimum(best[:, None], has)
+        before = least.argmax(axis=0).tolist()
+        best, ways = least.max(axis=0), [[*ways[one], one] for one in before]
+    way = [edges[one] for one in ways[-1]] + [ends[1]]
+    return list(pairwise(way)) if best[-1] else []
 
 
 def _prove_one(core: Core, scene: Array, reach: Array, wanted: Mapping[str, Bounds]) -> bool:

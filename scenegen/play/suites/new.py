@@ -207,7 +207,7 @@ class _MakeTask:
                 wanted = "in {:g}:{:g}, where starts are".format(*curve.ends)
                 raise RequestError(OUT_OF_RANGE(argument="bands", value=f"{name}={low:g}:{high:g}", wanted=wanted))
             rng = np.random.default_rng([self.seed, SUITES_STREAM, int(spec.checked.sha256[:12], 16), len(bands)])
-            part = self._draw(spec, plan, name, Range(low, high), rng)
+            part = self._draw(spec, plan, name, Range(low, high), rng, [one[1:] for one in ranges])
             rare = np.log10(curve.share(part.phi[plan.success]).clip(min=curve.least))
             bands.append(
                 BandData(
@@ -224,8 +224,17 @@ class _MakeTask:
         )  # fmt: skip
         return task, data
 
-    def _draw(self, spec: Spec, plan: TaskPlan, name: str, band: Range, rng: np.random.Generator) -> SceneSet:
-        """The starts of a band. Raises RequestError where too few can be set as they should be."""
+    def _draw(
+        self,
+        spec: Spec,
+        plan: TaskPlan,
+        name: str,
+        band: Range,
+        rng: np.random.Generator,
+        ranges: Sequence[tuple[float, float]],
+    ) -> SceneSet:
+        """The starts of a band, which is one of some ranges. Raises RequestError where too few can be set as they
+        should be."""
         chosen: list[SceneSet] = []
         n, drawn = (self.n if self.placing == EXACT_PLACING else max(MIN_CANDIDATES, self.n)), 0
         while drawn < MAX_CANDIDATES:
@@ -242,8 +251,11 @@ class _MakeTask:
                 return found[: self.n]
             if drawn >= HOPELESS_CANDIDATES and not len(found):
                 break
-        few = f"{len(found)} of {drawn:,} starts of {name} of {plan.name} are of use"
-        wanted = f"less strict, or the bands wider: {few}"
+        advice = self.placing.advise(spec, plan.success, ranges, not plan.back, self.seed, self.budget)
+        if plan.back:
+            advice = " or ".join(filter(None, ["leaving `# reverse:` out of the spec", advice]))
+        few = f"{len(found)} of {drawn:,} starts of {name} of {plan.file.removesuffix('.json')} are of use"
+        wanted = f"less strict, or the bands wider: {few}{advice and '; try '}{advice}"
         raise RequestError(OUT_OF_RANGE(argument=self.placing.argument, value=str(self.placing), wanted=wanted))
 
     def _bytes(self, spec: Spec, parts: Sequence[SceneSet], bands: Sequence[BandData]) -> bytes:

@@ -7,7 +7,7 @@ import pytest
 
 from scenegen.errors import DataError, RequestError
 from scenegen.play.stage.check import band_at, check_poses, margins_at, scene_of
-from scenegen.play.stage.measure import check_ruler, check_table, measure_poses
+from scenegen.play.stage.measure import check_ruler, check_table, measure_poses, poses_by_corners
 from scenegen.play.stage.stage import TableStage
 from scenegen.play.suites.suite import Suite
 
@@ -109,6 +109,19 @@ def test_a_pose_off_the_table(suite, stage, tmp_path):
     assert wrong.kind.code == "stage-things" and "red" in wrong.text("title") and "off the table" in wrong.text("title")
     poses[0, 0] = 0.19
     check_table(stage, start, poses)
+
+
+def test_headings_in_degrees_and_clicks_without_names(suite, stage, tmp_path):
+    start = suite[7]
+    poses = poses_of(start)
+    poses[:, 2] = 90.0
+    with pytest.raises(DataError) as caught:
+        measure_poses(stage, start, poses=write_table(tmp_path / "p.csv", start, poses))
+    assert "`red` is turned by 90" in caught.value.diagnostics[0].text("title")
+    (tmp_path / "c.csv").write_text("u,v\n1,2\n")
+    with pytest.raises(DataError) as caught:
+        poses_by_corners(stage, start, tmp_path / "c.csv", None)
+    assert caught.value.diagnostics[0].kind.code == "table-column"
 
 
 def test_a_printer_that_shrinks_by_its_ruler():

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from scenegen.errors import RequestError
+from scenegen.errors import RequestError, ScenegenError
 from scenegen.learn.success.files import OutcomesHeader
 from scenegen.play.fit import outcomes_of
 from scenegen.play.stage import hand
@@ -16,8 +16,8 @@ from scenegen.play.suites.report import band_that_stood, report_suite
 from scenegen.play.suites.run import Player
 
 
-def world_of(stage, keys, folder=None):
-    return hand.HandWorld(stage, folder, io.StringIO(keys), io.StringIO())
+def world_of(stage, keys, source=""):
+    return hand.HandWorld(stage, str(source), io.StringIO(keys), io.StringIO())
 
 
 def test_without_pictures_it_shows_a_card_and_asks(stage, suite):
@@ -27,7 +27,7 @@ def test_without_pictures_it_shows_a_card_and_asks(stage, suite):
     assert world.step(None)[2:] == (True, False, {"success": True})
     said = world.screen.getvalue()
     assert "red: L15" in said and said.count("did it succeed?") == 2
-    with pytest.raises(EOFError):
+    with pytest.raises(ScenegenError, match="nobody is at the terminal"):
         world.step(None)
 
 
@@ -45,11 +45,32 @@ def test_a_picture_is_looked_at_until_it_is_right(stage, suite, tmp_path, monkey
     assert world.step(None)[-1] == {"success": True} and "phi 0.01" in world.screen.getvalue()
 
 
-def test_a_folder_without_pictures_says_so(stage, suite, tmp_path):
+def test_only_new_pictures_are_looked_at(stage, suite, tmp_path):
+    (tmp_path / "old.jpg").write_bytes(b"of the last episode")
     world = world_of(stage, "\n", tmp_path)
-    with pytest.raises(EOFError):
+    with pytest.raises(ScenegenError):
         world.reset(seed=1, options={"start": suite[7]})
-    assert "shows no tag of the mat" in world.screen.getvalue()
+    assert f"no new picture is in {tmp_path}" in world.screen.getvalue()
+    (tmp_path / "new.jpg").write_bytes(b"no picture")
+    assert world._look() is None and "new.jpg is no picture" in world.screen.getvalue()
+    assert world._look() is None and world.screen.getvalue().count("no new picture is in") == 2
+
+
+def test_a_camera_is_looked_at(stage, suite, tmp_path, monkeypatch):
+    cv2 = pytest.importorskip("cv2")
+    monkeypatch.chdir(tmp_path)
+    cv2.imwrite("0000.png", np.full((400, 600, 3), 120, np.uint8))
+    world = world_of(stage, "\n", "%04d.png")
+    with pytest.raises(ScenegenError):
+        world.reset(seed=1, options={"start": suite[7]})
+    said = world.screen.getvalue()
+    assert "Enter when all stand there: " in said and "camera %04d.png shows no tag of the mat" in said
+
+
+def test_the_end_of_a_terminal_fails_no_episode(stage, suite, monkeypatch):
+    monkeypatch.setattr(hand, "make_hand", lambda folder, task, suite: world_of(stage, "\n"))
+    with pytest.raises(ScenegenError, match="--resume goes on"):
+        Player(suite.folder, False, "hand:", "hand:mine", False, 10)(7)
 
 
 def test_a_folder_that_is_missing_and_a_name_that_is_cut_short(stage, tmp_path):

@@ -89,6 +89,13 @@ def test_every_thing_has_a_tag_that_fits_on_it(stage, suite):
             )
 
 
+def test_a_mat_of_too_many_pages():
+    pytest.importorskip("fpdf")
+    with pytest.raises(RequestError) as caught:
+        write_pdf([PaperDrawing((0.0, 0.0), (10.0, 10.0), [], "a4", "large")])
+    assert "10.0 x 10.0 m take 1,961 pages" in caught.value.diagnostics[0].text("help")
+
+
 def test_a_step_that_is_no_grid(suite):
     with pytest.raises(RequestError) as caught:
         TableStage.from_suite(suite, 0.0)

@@ -1,13 +1,18 @@
 """Starts for people: on the grid, and proved to forgive errors of placing."""
 
+import re
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
+from scenegen.api.sample import draw_scenes
 from scenegen.errors import RequestError
 from scenegen.play.stage.check import margins_at
 from scenegen.play.suites.forgiving import EXACT_PLACING, Placing, join_scenes
 from scenegen.play.suites.new import new_suite
 from scenegen.play.suites.suite import Suite, check_suite
+from scenegen.sampling.request import SampleRequest
 from scenegen.search.effort import Budget
 
 ERRORS = (0.015, np.radians(15.0))
@@ -95,6 +100,26 @@ def test_a_tolerance_that_no_start_has(root, tmp_path):
         new_suite([("apart", spec)], tmp_path / "none", bands=5, n=2, placing=Placing((0.05, 0.0)), workers=1)
     (wrong,) = caught.value.diagnostics
     assert wrong.kind.code == "out-of-range" and "0 of" in wrong.text("help") and not (tmp_path / "none").exists()
+
+
+@pytest.mark.long
+def test_what_would_do_where_bands_are_too_narrow(suite):
+    """The bands and the tolerance that are advised have such starts, as many bands as there can be."""
+    task = next(one for one in suite.tasks if one.name == "beside")
+    ranges = [band.phi for band in task.bands]
+    said = Placing(ERRORS).advise(task.spec, "goal", ranges, True, 0, Budget(100.0))
+    bands, _, tolerance = said.partition(" or --tolerance ")
+    ends = [tuple(map(float, one)) for one in re.findall(r"=(\S+?):(\S+)", bands)]
+    assert 2 <= len(ends) < 5 and ends[0][1] == ranges[0][1] and ends[-1][0] == ranges[-1][0]
+    assert all(one[0] == other[1] for one, other in pairwise(ends))
+    cm, degrees = map(float, re.fullmatch(r"(\S+)cm,(\d+)deg", tolerance).groups())
+    assert 0.3 <= cm < 1.5
+    request = SampleRequest({}, 3000, seed=9, spread="base", workers=1)
+    scenes = draw_scenes(task.spec, request)
+    for errors, some in ((ERRORS, ends), ((cm / 100.0, np.radians(degrees)), ranges)):
+        for one in some:
+            assert len(Placing(errors).keep(task.spec, scenes, {"goal": one}, Budget(100.0)))
+    assert Placing(ERRORS).advise(task.spec, "goal", ranges, False, 0, Budget(100.0)) == f"--tolerance {tolerance}"
 
 
 def test_a_tolerance_that_is_none():

@@ -429,3 +429,16 @@ def test_the_shipped_specs_need_no_formatting(scenegen, root):
     specs = [*sorted((root / "specs").glob("*.spec")), root / "grammar" / "prelude.spec"]
     outcome = scenegen("fmt", "--check", *map(str, specs))
     assert (outcome.status, outcome.err) == (0, "")
+
+
+def test_where_things_usually_are_is_printed_a_line_each(scenegen, here):
+    text = "object mug, plate\n{}task: leftOf(mug, plate)\n"
+    said = "usually mug ~ normal((0.4, 0.3), 5 cm)\nusually theta(mug), theta(plate) ~ uniform(80 deg, 100 deg)\n"
+    (here / "usual.spec").write_text(text.format(said))
+    lines = ["mug ~ normal((0.4, 0.3), 5 cm)", "theta(mug), theta(plate) ~ uniform(80 deg, 100 deg)"]
+    outcome = scenegen("check", "usual.spec")
+    assert f"  usually    {lines[0]}\n             {lines[1]}\n" in outcome.out and outcome.status == 0
+    (report,) = json.loads(scenegen("check", "--json", "usual.spec").out)
+    assert report["usually"] == lines
+    (here / "plain.spec").write_text(text.format(""))
+    assert "usually" not in json.loads(scenegen("check", "--json", "plain.spec").out)[0]

@@ -93,7 +93,7 @@ def extents(document: Document, offset: int) -> list[Extent]:
     if spec.timed is not None:
         return []  # the bounds of single scenes say nothing of motions
     statement, path = path_to(module, offset)
-    if not path or isinstance(statement, ast.Workspace | ast.Objects | ast.Region | ast.Import):
+    if not path or isinstance(statement, ast.Workspace | ast.Objects | ast.Region | ast.Usually | ast.Import):
         return []
     return _outcomes(document, module, spec, _roots(module, statement), path, isinstance(statement, ast.Definition))
 

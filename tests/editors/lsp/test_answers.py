@@ -466,3 +466,21 @@ def test_inside_a_character_and_beyond_the_text():
 def test_a_text_without_anything(encoding):
     assert EncodedLines("", encoding).position(0) == (0, 0)
     assert EncodedLines("", encoding).offset(0, 0) == 0
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        ("§usually", "where a thing usually is"),
+        ("§normal", "the standard deviation"),
+        ("§mug ~", "object"),
+        ("§plate, 5", "object"),
+        ("§cm)\nusually", ""),
+        ("~ §poses", "recorded poses"),
+    ],
+)
+def test_words_of_where_things_usually_are(place, words):
+    text = "object mug, plate\nusually mug ~ normal(plate, 5 cm)\nusually plate ~ poses([(0.1, 0.2, 0)], 1 cm, 5 deg)\n"
+    document, offset = at_cursor((text + "task: leftOf(mug, plate)").replace(place.replace("§", ""), place, 1))
+    found = hover(document, offset)
+    assert words in found.markdown if words else found is None or found.markdown

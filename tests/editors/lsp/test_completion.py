@@ -225,3 +225,13 @@ def test_every_place_of_a_good_text():
         hover(document, offset)
         completions(document, offset)
         definition(document, offset)
+
+
+def test_distributions_stand_after_the_sign_and_in_a_list_after_it():
+    distributions = {"normal", "uniform", "poses"}
+    for start in ("usually mug ~ ", "usually theta(mug) ~ [", "usually mug ~ [uniform(mat): 7, "):
+        words = offered(HEAD + start + "§")
+        assert words.keys() >= distributions and "leftOf" not in words, start
+    for start in ("usually mug ~ normal(", "usually mug ~ [normal((", "task: "):
+        assert not distributions & offered(HEAD + start + "§").keys(), start
+    assert "usually" in offered(HEAD + "\n§")

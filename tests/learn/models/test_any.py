@@ -197,6 +197,13 @@ def test_formulas_of_primitives_that_the_weights_do_not_know_are_refused():
         scenegen.sample(seen, (0.0, None), 2, method="any")
 
 
+def test_a_spec_that_says_where_things_usually_are_is_refused():
+    usual = scenegen.parse("object mug, plate\nusually mug ~ normal(plate, 5 cm)\ntask: leftOf(mug, plate)")
+    with pytest.raises(RequestError, match="where things usually are") as caught:
+        scenegen.load_model("any", usual)
+    assert caught.value.diagnostics[0].kind is UNKNOWN_TO_MODEL
+
+
 def test_files_name_the_primitives_that_their_weights_know(spec):
     trained = scenegen.load_model("any", spec).trained
     text, tensors = unpack(Path("m"), MODEL_FORMAT, "a model file", trained.data)

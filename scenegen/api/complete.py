@@ -32,7 +32,7 @@ from scenegen.errors.requests import (
 from scenegen.pose import NAMES, PLACE, THETA, TWO_PI, X, Y, row_of
 from scenegen.sampling.plan import verify
 from scenegen.sampling.plans import SELECTIONS
-from scenegen.sampling.problem import Problem, make_problem
+from scenegen.sampling.problem import Problem, make_problem, refuse_turned_priors
 from scenegen.sampling.request import SampleRequest
 from scenegen.sampling.streams import COMPLETION_STREAM
 from scenegen.scenes.arrange import check_held, doubts_of
@@ -118,6 +118,8 @@ def complete(
     request = check_request(spec, replace(request, n=len(given), fix={}))
     problem = make_problem(checked, request, Budget(request.timeout))
     held = _given_rows(problem, given)
+    if checked.priors:
+        refuse_turned_priors(checked, ~np.isnan(held))
     found, hit, draws = _draw_candidates(problem, held, request, began)
     warnings = [*problem.warnings, *doubts_of(source, checked.objects, given, checked.workspace)]
     for number in np.flatnonzero(~hit):

@@ -24,7 +24,7 @@ from scenegen.errors import ScenegenError, Source, to_json
 from scenegen.errors.declarations import NOT_LOOKED_AT
 from scenegen.lang.check.supports import area_of
 from scenegen.lang.formula.core import REQUIRE
-from scenegen.lang.prior import prior_text
+from scenegen.lang.prior_text import prior_text
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 from scenegen.lang.syntax.printer import print_statement

@@ -150,11 +150,13 @@ CANNOT_BE_HELD = Kind(
     (
         "`{name}` cannot be held at ({x:g}, {y:g}): that is outside the workspace",
         "`{name}` cannot be held: it {missing}",
+        "`{name}` cannot be held while `{free}` is free: where it usually is goes with that",
         "`{name}` is held in place by the spec already",
     ),
     help=(
         "the workspace is {workspace}",
         "{missing:?}hold what is always there, or fix the numbers with `<count>`",
+        "hold `{free}`, too, or take the `usually` of `{name}` away",
         "leave it out, or take the `at` of `{name}` away",
     ),
 )

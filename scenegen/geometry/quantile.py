@@ -25,7 +25,7 @@ from scenegen.geometry.footprint import Point
 
 QUANTILE = "quantile"  # the primitive
 
-Ends = tuple[Array, Array]
+Spans = tuple[Array, Array]
 
 
 class Run(Protocol):
@@ -36,15 +36,15 @@ class Run(Protocol):
     @property
     def count(self) -> int: ...
 
-    def at(self, which: Index, u: Array, given: Sequence[Array]) -> Array:
+    def value(self, which: Index, u: Array, given: Sequence[Array]) -> Array:
         """The coordinate: option `which` at u, arrays that broadcast together."""
         ...
 
-    def span(self, u: Ends, given: Sequence[Ends]) -> Ends:
+    def span(self, u: Spans, given: Sequence[Spans]) -> Spans:
         """Bounds of the coordinate of every option, (count, ...), for u (count or 1, ...) and given (...)."""
         ...
 
-    def shares(self, wanted: Ends, given: Sequence[Ends]) -> Ends:
+    def shares(self, wanted: Spans, given: Sequence[Spans]) -> Spans:
         """Bounds of the u, (count, ...), at which the coordinate of an option is within what is wanted, (...)."""
         ...
 
@@ -65,20 +65,20 @@ class NormalRun:
     def count(self) -> int:
         return 1
 
-    def at(self, which: Index, u: Array, given: Sequence[Any]) -> Array:
+    def value(self, which: Index, u: Array, given: Sequence[Any]) -> Array:
         middle, low, high = self._ends(given)
         offset = self.deviation * truncated_quantile(u, low, high)
         if self.offset:
             return offset
         return np.asarray(np.clip(middle + offset, np.maximum(self.low, middle - self.far), self.high))
 
-    def span(self, u: Ends, given: Sequence[Ends]) -> Ends:
+    def span(self, u: Spans, given: Sequence[Spans]) -> Spans:
         # the further up the middle, the further up the coordinate, but the less it is above its middle
         least, most = ([one[end] for one in given] for end in ((1, 0) if self.offset else (0, 1)))
         which = np.zeros((), np.intp)
-        return self.at(which, u[0], least), self.at(which, u[1], most)
+        return self.value(which, u[0], least), self.value(which, u[1], most)
 
-    def shares(self, wanted: Ends, given: Sequence[Ends]) -> Ends:
+    def shares(self, wanted: Spans, given: Sequence[Spans]) -> Spans:
         least, most = ([one[end] for one in given] for end in ((1, 0) if self.offset else (0, 1)))
         return self._share(wanted[0], most)[None], self._share(wanted[1], least)[None]
 
@@ -137,7 +137,7 @@ class UniformRun:
         return len(self.low)
 
     @cached_property
-    def least_and_most(self) -> Ends:
+    def least_and_most(self) -> Spans:
         """(levels, K) each: the least low and the largest high of option k and those after it, 2^level in all."""
         lows, highs, step = [self.low], [self.high], 1
         while 2 * step <= self.count:
@@ -146,15 +146,15 @@ class UniformRun:
             step *= 2
         return np.stack(lows), np.stack(highs)
 
-    def at(self, which: Index, u: Array, given: Sequence[Array]) -> Array:
+    def value(self, which: Index, u: Array, given: Sequence[Array]) -> Array:
         low = self.low[which]
         return np.asarray(low + u * (self.high[which] - low))
 
-    def span(self, u: Ends, given: Sequence[Ends]) -> Ends:
+    def span(self, u: Spans, given: Sequence[Spans]) -> Spans:
         low, width = self._columns(u[0].ndim - 1)
         return low + u[0] * width, low + u[1] * width
 
-    def shares(self, wanted: Ends, given: Sequence[Ends]) -> Ends:
+    def shares(self, wanted: Spans, given: Sequence[Spans]) -> Spans:
         low, width = self._columns(wanted[0].ndim)
         return (wanted[0] - low) / width, (wanted[1] - low) / width
 
@@ -179,15 +179,15 @@ class RegionRun:
     def count(self) -> int:
         return 1
 
-    def at(self, which: Index, u: Array, given: Sequence[Array]) -> Array:
+    def value(self, which: Index, u: Array, given: Sequence[Array]) -> Array:
         return self._x(u) if self.x is None else self._y(u, given[self.x])
 
-    def span(self, u: Ends, given: Sequence[Ends]) -> Ends:
+    def span(self, u: Spans, given: Sequence[Spans]) -> Spans:
         if self.x is None:
             return self._x(u[0]), self._x(u[1])
         return -self._most(u[0], given[self.x], -1.0), self._most(u[1], given[self.x], 1.0)
 
-    def shares(self, wanted: Ends, given: Sequence[Ends]) -> Ends:
+    def shares(self, wanted: Spans, given: Sequence[Spans]) -> Spans:
         if self.x is None:
             return self._left_of(wanted[0])[None], self._left_of(wanted[1])[None]
         return np.zeros((1, *wanted[0].shape)), np.ones((1, *wanted[0].shape))
@@ -207,7 +207,7 @@ class RegionRun:
         low = np.interp(x, self.across, self.lower)
         return np.asarray(low + u * (np.interp(x, self.across, self.upper) - low))
 
-    def _most(self, u: Array, x: Ends, sign: float) -> Array:
+    def _most(self, u: Array, x: Spans, sign: float) -> Array:
         """The largest y, or the largest -y (sign -1), at u for x between two ends: at one of these, or at a corner."""
         best = np.maximum(sign * self._y(u, x[0]), sign * self._y(u, x[1]))
         at, low, high = (one.reshape(-1, *(1,) * best.ndim) for one in (self.across, self.lower, self.upper))
@@ -242,10 +242,10 @@ class Quantile:
     @property
     def slack(self) -> float:
         """By how much bounds are wider: quantiles are rounded."""
-        return ROUNDING * (1.0 + abs(self.saying[0]) + abs(self.saying[1]))
+        return UNIT_SLACK * (1.0 + abs(self.saying[0]) + abs(self.saying[1]))
 
 
-ROUNDING = 1e-12  # of the size of coordinates
+UNIT_SLACK = 1e-12  # of the size of coordinates
 
 
 DISC_CORNERS = 256  # of the polygon that stands for a disc: less than 0.02 % of its radius off
@@ -273,23 +273,23 @@ def quantile(ns: Any, of: Quantile, chooser: Any, number: Any, *given: Any) -> A
     """The coordinate, for numbers and arrays of numpy that broadcast together."""
     u = _unit(number, of.saying)
     if len(of.ends) == 1:
-        return of.runs[0].at(np.zeros((), np.intp), u, given)
+        return of.runs[0].value(np.zeros((), np.intp), u, given)
     mark = _unit(chooser, of.choosing)
     option = np.minimum(np.searchsorted(of.ends, mark, side="right"), len(of.ends) - 1)
     if of.alone:
-        u = _within(mark, of.starts[option], of.ends[option])
+        u = _in_option(mark, of.starts[option], of.ends[option])
     if len(of.runs) == 1:
-        return of.runs[0].at(option, u, given)
+        return of.runs[0].value(option, u, given)
     option, u, *given_ = np.broadcast_arrays(option, u, *given)
     out, first = np.empty(option.shape), 0
     for run in of.runs:
         mine = (option >= first) & (option < first + run.count)
-        out[mine] = run.at(option[mine] - first, u[mine], [one[mine] for one in given_])
+        out[mine] = run.value(option[mine] - first, u[mine], [one[mine] for one in given_])
         first += run.count
     return out
 
 
-def quantile_bounds(of: Quantile, chooser: Ends, number: Ends, *given: Ends) -> Ends:
+def quantile_bounds(of: Quantile, chooser: Spans, number: Spans, *given: Spans) -> Spans:
     """Bounds of the coordinate from bounds of its arguments."""
     if len(of.ends) > MAX_COMPARED_OPTIONS and isinstance(of.runs[0], UniformRun) and len(of.runs) == 1:
         return _range_of_many(of, of.runs[0], chooser, number)
@@ -299,7 +299,7 @@ def quantile_bounds(of: Quantile, chooser: Ends, number: Ends, *given: Ends) -> 
     return lo - of.slack, hi + of.slack
 
 
-def narrow_quantile(of: Quantile, wanted: Ends, chooser: Ends, number: Ends, *given: Ends) -> tuple[Ends, Ends]:
+def narrow_quantile(of: Quantile, wanted: Spans, chooser: Spans, number: Spans, *given: Spans) -> tuple[Spans, Spans]:
     """What a wanted range of the coordinate leaves of the two uniform numbers."""
     shape = np.broadcast_shapes(*(np.shape(one[0]) for one in (wanted, chooser, number, *given)))
     if len(of.ends) * math.prod(shape) > MAX_COMPARED:
@@ -314,13 +314,16 @@ def narrow_quantile(of: Quantile, wanted: Ends, chooser: Ends, number: Ends, *gi
         )
         for end in (0, 1)
     )
-    least = np.fmax(least - ROUNDING, found.u[0])  # of the two, the one that is a number
-    most = np.fmin(most + ROUNDING, found.u[1])
+    least = np.fmax(least - UNIT_SLACK, found.u[0])  # of the two, the one that is a number
+    most = np.fmin(most + UNIT_SLACK, found.u[1])
     column = (-1, *(1,) * len(shape))
     starts, ends = of.starts.reshape(column), of.ends.reshape(column)
     first, last = (starts + least * (ends - starts), starts + most * (ends - starts)) if of.alone else (starts, ends)
     none = ~possible
-    choice = np.where(none, np.inf, first - ROUNDING).min(axis=0), np.where(none, -np.inf, last + ROUNDING).max(axis=0)
+    choice = (
+        np.where(none, np.inf, first - UNIT_SLACK).min(axis=0),
+        np.where(none, -np.inf, last + UNIT_SLACK).max(axis=0),
+    )
     if of.alone:
         return _back(choice, of.choosing), number
     own = np.where(none, np.inf, least).min(axis=0), np.where(none, -np.inf, most).max(axis=0)
@@ -335,21 +338,21 @@ NEAR_OPTIONS = 3  # options that a box can choose from, up to which each is look
 class _ByOption(NamedTuple):
     """Of each option, (K, ...): bounds of its u, bounds of the coordinate, and whether it can be chosen."""
 
-    u: Ends
+    u: Spans
     low: Array
     high: Array
     possible: Bool
 
 
-def _by_option(of: Quantile, chooser: Ends, number: Ends, given: Sequence[Ends]) -> _ByOption:
+def _by_option(of: Quantile, chooser: Spans, number: Spans, given: Sequence[Spans]) -> _ByOption:
     shape = np.broadcast_shapes(*(np.shape(one[0]) for one in (chooser, number, *given)))
     column = (-1, *(1,) * len(shape))
     starts, ends = of.starts.reshape(column), of.ends.reshape(column)
     mark = _unit(chooser[0], of.choosing), _unit(chooser[1], of.choosing)
     u = _unit(number[0], of.saying)[None], _unit(number[1], of.saying)[None]
-    possible = (mark[0] <= ends + ROUNDING) & (mark[1] >= starts - ROUNDING)
+    possible = (mark[0] <= ends + UNIT_SLACK) & (mark[1] >= starts - UNIT_SLACK)
     if of.alone:
-        u = _within(mark[0], starts, ends), _within(mark[1], starts, ends)
+        u = _in_option(mark[0], starts, ends), _in_option(mark[1], starts, ends)
     low_u, high_u = (np.broadcast_to(one, (len(of.ends), *shape)) for one in u)
     first, spans = 0, []
     for run in of.runs:
@@ -360,15 +363,15 @@ def _by_option(of: Quantile, chooser: Ends, number: Ends, given: Sequence[Ends])
     return _ByOption((low_u, high_u), low, high, np.broadcast_to(possible, low_u.shape))
 
 
-def _range_of_many(of: Quantile, run: UniformRun, chooser: Ends, number: Ends) -> Ends:
+def _range_of_many(of: Quantile, run: UniformRun, chooser: Spans, number: Spans) -> Spans:
     """Bounds where there are many options, which are uniform ranges: all of those that can be chosen, from a table of
     the least and the largest of 1, 2, 4 ... in a row; where these are few, each at its u."""
     mark = _unit(chooser[0], of.choosing), _unit(chooser[1], of.choosing)
     u = _unit(number[0], of.saying), _unit(number[1], of.saying)
     low_mark, high_mark, low_u, high_u = np.broadcast_arrays(*mark, *u)
     most = len(of.ends) - 1
-    first = np.minimum(np.searchsorted(of.ends, low_mark - ROUNDING), most)
-    last = np.clip(np.searchsorted(of.starts, high_mark + ROUNDING, side="right") - 1, first, most)
+    first = np.minimum(np.searchsorted(of.ends, low_mark - UNIT_SLACK), most)
+    last = np.clip(np.searchsorted(of.starts, high_mark + UNIT_SLACK, side="right") - 1, first, most)
     level = np.frexp((last - first + 1).astype(np.float64))[1] - 1
     table, before = run.least_and_most, last + 1 - (1 << level)
     lo = np.minimum(table[0][level, first], table[0][level, before])
@@ -378,16 +381,19 @@ def _range_of_many(of: Quantile, run: UniformRun, chooser: Ends, number: Ends) -
         which = np.minimum(first.ravel()[near] + np.arange(NEAR_OPTIONS)[:, None], last.ravel()[near])
         if of.alone:
             starts, ends = of.starts[which], of.ends[which]
-            u = _within(low_mark.ravel()[near], starts, ends), _within(high_mark.ravel()[near], starts, ends)
+            u = (
+                _in_option(low_mark.ravel()[near], starts, ends),
+                _in_option(high_mark.ravel()[near], starts, ends),
+            )
         else:
             u = low_u.ravel()[near], high_u.ravel()[near]
         lo, hi = np.array(lo), np.array(hi)
-        lo.reshape(-1)[near] = run.at(which, u[0], ()).min(axis=0)
-        hi.reshape(-1)[near] = run.at(which, u[1], ()).max(axis=0)
+        lo.reshape(-1)[near] = run.value(which, u[0], ()).min(axis=0)
+        hi.reshape(-1)[near] = run.value(which, u[1], ()).max(axis=0)
     return lo - of.slack, hi + of.slack
 
 
-def _within(mark: Array, starts: Array, ends: Array) -> Array:
+def _in_option(mark: Array, starts: Array, ends: Array) -> Array:
     """Where in an option a mark is, 0..1."""
     return np.asarray(np.clip((mark - starts) / (ends - starts), 0.0, 1.0))
 
@@ -397,5 +403,5 @@ def _unit(value: Any, ends: tuple[float, float]) -> Array:
     return np.asarray(np.clip((np.asarray(value, dtype=np.float64) - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0))
 
 
-def _back(unit: Ends, ends: tuple[float, float]) -> Ends:
+def _back(unit: Spans, ends: tuple[float, float]) -> Spans:
     return ends[0] + unit[0] * (ends[1] - ends[0]), ends[0] + unit[1] * (ends[1] - ends[0])

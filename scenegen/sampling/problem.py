@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, NoReturn
 import numpy as np
 import numpy.typing as npt
 
-from scenegen.arrays import Array, as_numbers
+from scenegen.arrays import Array, Bool, as_numbers
 from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.requests import (
     ALL_HELD,
@@ -22,10 +22,11 @@ from scenegen.errors.requests import (
     UNKNOWN_OBJECT,
 )
 from scenegen.geometry import NUMPY
-from scenegen.lang.formula.core import Core, gate, read_rows
+from scenegen.lang.formula.core import Coord, Core, gate, read_rows
 from scenegen.lang.formula.interpret import phi as evaluate
+from scenegen.lang.prior import prior_rows
 from scenegen.lang.spec import CheckedSpec
-from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_count, row_of, span_of
+from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, owner, row_count, row_of, span_of
 from scenegen.sampling.cells import Cells, cut
 from scenegen.sampling.request import FixedPose, Range, SampleRequest, within_reach
 from scenegen.search import label_bounds
@@ -168,6 +169,8 @@ def make_problem(
     effort = effort or (Effort() if budget is None else Effort(lambda: budget.overdrawn))
     try:
         lowest, highest, fixed = hold_fixed(spec, request.fix)
+        if spec.priors and fixed:
+            refuse_turned_priors(spec, lowest == highest)
         core = gate(spec.core)
         low, high = label_bounds(spec.core, lowest, highest, effort)
         bounds = dict(zip(spec.core.labels, zip(low.tolist(), high.tolist(), strict=True), strict=True))
@@ -194,6 +197,21 @@ def make_problem(
         return problem
     except StoppedError:
         raise RequestError(NO_TIME_TO_CHECK()) from None
+
+
+def refuse_turned_priors(spec: CheckedSpec, held: Bool) -> None:
+    """Raises RequestError where a thing is held, rows (3N, ...), and one that it usually is relative to, or drawn
+    together with, is not: the other would have to follow it."""
+    for prior in spec.priors:
+        rows = prior_rows([prior])
+        before = {node.row for node in prior.nodes if isinstance(node, Coord)}
+        if prior.part == "pose":
+            before |= set(rows)
+        for row in rows:
+            for other in sorted(before):
+                if (held[row] & ~held[other]).any():
+                    name, free = spec.objects[owner(row)], spec.objects[owner(other)]
+                    raise RequestError(CANNOT_BE_HELD(name=name, free=f"theta({name})" if free == name else free))
 
 
 def refuse_impossible(problem: Problem, effort: Effort) -> NoReturn:

@@ -15,7 +15,8 @@ from scenegen.geometry import NUMPY, Box
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Atom, Const, Coord
 from scenegen.lang.formula.interpret import Numbers, fold
-from scenegen.lang.prior import Normal, Prior, Recorded, UniformHeading, UniformPlace, prior_text
+from scenegen.lang.prior import Normal, Prior, Recorded, UniformHeading, UniformPlace
+from scenegen.lang.prior_text import prior_text
 from scenegen.lang.spec import Region
 
 from ..laws import examples

@@ -3,6 +3,7 @@ things held, given and moved, with drawn numbers of things; their probability; t
 """
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from scipy import stats
 
 import scenegen
 from scenegen.api.scene_arrays import rows_of
+from scenegen.errors import RequestError
 from scenegen.learn.training.dataset import base_draw
 from scenegen.sampling.prior import pull_back
 
@@ -103,6 +105,20 @@ def test_what_is_held_stays_and_what_is_relative_to_it_follows():
     given[:, 0] = 0.3, 0.8, 1.0
     completed = rows_of(spec.checked, scenegen.sample(spec, (LOW, HIGH), fix=given, spread="base"))
     assert worst(completed[3:], expected[3:]) < 0.05
+
+
+def test_what_would_turn_a_prior_round_is_refused():
+    spec = scenegen.parse(SPEC)
+    given = np.full((4, 3, 3), np.nan)
+    given[2, 1] = 0.3, 0.8, 1.0
+    for fix in ({"saucer": (0.3, 0.8)}, given):
+        with pytest.raises(RequestError, match="`saucer` cannot be held while `mug` is free"):
+            scenegen.sample(spec, (LOW, HIGH), fix=fix)
+    for pose, free in (((0.3, 0.3), "theta(mug)"), ((0.3, 0.3, 1.0), "saucer")):
+        with pytest.raises(RequestError, match=f"`mug` cannot be held while `{re.escape(free)}` is free"):
+            scenegen.sample(scenegen.parse(RECORDS), (0.0, 0.5), fix={"mug": pose})
+    rows = drawn(spec, 20, fix={"saucer": (0.3, 0.8), "mug": (0.2, 0.8)})
+    assert (rows[[0, 1, 3, 4]] == np.array([[0.2], [0.8], [0.3], [0.8]])).all()
 
 
 RECORDS = """object mug, saucer

@@ -46,14 +46,14 @@ TABLE_ENDING = ".csv"
 
 POSES = "poses"
 Part = Literal["place", "heading"]
-SIGNATURES: Mapping[tuple[str, Part], Signature] = {
+PRIOR_SIGNATURES: Mapping[tuple[str, Part], Signature] = {
     ("normal", "place"): Signature("normal", ("middle", "deviation"), 2, usage="normal((0.4, 0.3), 5 cm)"),
     ("normal", "heading"): Signature("normal", ("middle", "deviation"), 2, usage="normal(NORTH, 10 deg)"),
     ("uniform", "place"): Signature("uniform", ("region",), 1, usage="uniform(REGION)"),
     ("uniform", "heading"): Signature("uniform", ("low", "high"), 2, usage="uniform(80 deg, 100 deg)"),
     (POSES, "place"): Signature(POSES, ("file", "reach", "turn"), 3, usage='poses("logs.csv", 1 cm, 5 deg)'),
 }
-DISTRIBUTIONS = tuple(dict.fromkeys(word for word, _ in SIGNATURES))
+DISTRIBUTIONS = tuple(dict.fromkeys(word for word, _ in PRIOR_SIGNATURES))
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class _Reader:
 
     def arguments(self, call: ast.Call) -> Mapping[str, ast.Expr]:
         """What a distribution is given, by parameter. Raises SpecError."""
-        given = bind(call, SIGNATURES[call.function.id, self.part], self.source)
+        given = bind(call, PRIOR_SIGNATURES[call.function.id, self.part], self.source)
         if isinstance(given, Diagnostic):
             raise SpecError(given)
         return given
@@ -107,7 +107,7 @@ def prior_statement(
     of = written = statement.distribution
     span = statement.span(source)
     if isinstance(of, ast.Call) and of.function.id == POSES:
-        recorded, written = _recorded(reader, of)
+        recorded, written = _read_rows(reader, of)
         found = _with_variants(Prior(reader.present, "pose", (recorded,), (1.0,)), also)
         relative = frozenset[int]()
     else:
@@ -319,7 +319,7 @@ def _outside(lowering: Lowering, here: Span, which: int, **facts: object) -> Dia
 Rows = tuple[tuple[Pose, ...], ...]
 
 
-def _recorded(reader: _Reader, call: ast.Call) -> tuple[Recorded, ast.Call]:
+def _read_rows(reader: _Reader, call: ast.Call) -> tuple[Recorded, ast.Call]:
     """Recorded poses, and the call with its rows written out. Raises SpecError."""
     if reader.part == "heading":
         thing = _name(reader.lowering, reader.present[0]) if reader.present else ""

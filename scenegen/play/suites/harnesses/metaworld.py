@@ -28,10 +28,10 @@ from scenegen.scenes.files import check_writable, write_whole
 from scenegen.scenes.formats.registry import check_ending
 from scenegen.validation import as_path
 
-PLACED = ("obj", "target")  # the spec's objects, in the order of the triples of `rand_vec`
-SEEN = (slice(4, 6), slice(36, 38))  # where an observation has their x and y
+PLACED_OBJECTS = ("obj", "target")  # the spec's objects, in the order of the triples of `rand_vec`
+SEEN_OBJECTS = (slice(4, 6), slice(36, 38))  # where an observation has their x and y
 SLACK, MAX_OFF = 1e-6, 1e-3  # metres beyond a range, and from a start to what the environment says of it
-MAX_DRAWS = 4  # of a `rand_vec` in a reset; two are usual
+MAX_GOAL_DRAWS = 4  # of a `rand_vec` in a reset; two are usual
 
 
 def write_metaworld(
@@ -72,7 +72,7 @@ class TaskPlacer:
         space = self.env._random_reset_space
         self.low, self.high = (np.asarray(end, dtype=np.float64).reshape(-1, 3) for end in (space.low, space.high))
         objects, held = task.spec.objects, task.spec.checked.fixed
-        wanted = PLACED[: len(self.low)]
+        wanted = PLACED_OBJECTS[: len(self.low)]
         free = [name for index, name in enumerate(objects) if index not in held and name not in wanted]
         if free or not set(wanted) <= set(objects):
             self._refuse(wanted=wanted, objects=objects)
@@ -86,7 +86,7 @@ class TaskPlacer:
     def place(self, start: GradedStart) -> Any:
         """The task of a start, set in the environment. Raises DataError where that has it otherwise."""
         vector = start.poses[self.which, :3].copy()
-        for name, at, low, high in zip(PLACED, vector, self.low, self.high, strict=False):
+        for name, at, low, high in zip(PLACED_OBJECTS, vector, self.low, self.high, strict=False):
             if (at[:2] < low[:2] - SLACK).any() or (at[:2] > high[:2] + SLACK).any():
                 ends = {"low": f"({low[0]:g}, {low[1]:g})", "high": f"({high[0]:g}, {high[1]:g})"}
                 self._refuse(number=start.number, name=name, x=at[0], y=at[1], **ends)
@@ -103,7 +103,7 @@ class TaskPlacer:
         except _DrawsForever:
             apart = 100.0 * float(np.hypot(*(vector[0] - vector[-1])[:2]))
             self._refuse(number=start.number, apart=apart)
-        for name, at, seen in zip(PLACED, vector, SEEN, strict=False):
+        for name, at, seen in zip(PLACED_OBJECTS, vector, SEEN_OBJECTS, strict=False):
             off = float(np.abs(observation[seen] - at[:2]).max())
             if off > MAX_OFF:
                 self._refuse(number=start.number, name=name, off=1000.0 * off)
@@ -112,7 +112,7 @@ class TaskPlacer:
 
     def _draw(self) -> Any:
         self.draws += 1
-        if self.draws > MAX_DRAWS:
+        if self.draws > MAX_GOAL_DRAWS:
             raise _DrawsForever
         return self.draw()
 

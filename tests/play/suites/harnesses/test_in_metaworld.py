@@ -7,7 +7,7 @@ import pytest
 
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.worlds import METAWORLD_START
-from scenegen.play.suites.harnesses.metaworld import MAX_OFF, SEEN, write_metaworld
+from scenegen.play.suites.harnesses.metaworld import MAX_OFF, SEEN_OBJECTS, write_metaworld
 from scenegen.play.suites.new import new_suite
 from scenegen.play.suites.suite import Suite
 
@@ -117,7 +117,8 @@ def test_environments_that_observe_what_they_place(metaworld):
         env.set_task(metaworld.Task(name, pickle.dumps(data)))
         observation, _ = env.reset()
         offs = [
-            np.abs(observation[seen] - vector[3 * k : 3 * k + 2]).max() for k, seen in enumerate(SEEN[: len(low) // 3])
+            np.abs(observation[seen] - vector[3 * k : 3 * k + 2]).max()
+            for k, seen in enumerate(SEEN_OBJECTS[: len(low) // 3])
         ]
         if max(offs) <= MAX_OFF:
             found.append(name.removesuffix("-v3"))

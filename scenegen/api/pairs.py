@@ -39,7 +39,7 @@ def pairs(
 
     `goal` and `start` are ranges of phi, as of `sample`. Left out, a goal satisfies every label, and a start is
     anything but a goal; both meet what the spec requires. Without `moved`, start and goal are independent of each
-    other. `moved` is how many objects stand elsewhere: chosen uniformly, each at a new pose, uniform over the table,
+    other. `moved` is how many objects stand elsewhere: chosen uniformly, each at a new pose, where it usually is or uniform over the table,
     given that the start is in its range.
 
     `phi` holds `start.LABEL` and `goal.LABEL`; `facts` are `moved`, the number of objects whose place differs, and

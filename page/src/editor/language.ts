@@ -25,7 +25,7 @@ const spec = StreamLanguage.define<{ after: string }>({
       state.after = word;
       if (before === "." ) return "propertyName";
       if (STATEMENTS.has(word) && !(word === "workspace" && !stream.sol() && stream.column() > 0)) return "keyword";
-      if ((word === "time" && stream.column() === 0 && stream.match(/^\s*[\d[]/, false)) || ((word === "robot" || word === "camera") && stream.match(/^\s+[A-Za-z_]\w*\s*[=\[]/, false)) || (word === "moves" && stream.column() === 0 && stream.match(/^\s*(one|all)\b/, false))) return "keyword";
+      if ((word === "time" && stream.column() === 0 && stream.match(/^\s*[\d[]/, false)) || (word === "usually" && stream.match(/^\s+[^#]*~/, false)) || ((word === "robot" || word === "camera") && stream.match(/^\s+[A-Za-z_]\w*\s*[=\[]/, false)) || (word === "moves" && stream.column() === 0 && stream.match(/^\s*(one|all)\b/, false))) return "keyword";
       if (TIMES.has(word) && stream.match(/^\s*[[(!¬A-Za-z]/, false)) return "operatorKeyword";
       if (WORDS.has(word) || (word === "looks" && stream.match(/^\s+at\b/, false)) || (word === "fov" && stream.match(/^\s+[\d(A-Za-z_]/, false))) return "operatorKeyword";
       if (before === "def") return "definition";

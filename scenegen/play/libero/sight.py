@@ -15,7 +15,15 @@ from scenegen.play.libero.measure import LiveModel
 
 AGENT_VIEW = "agentview"  # LIBERO's camera, from which policies see the table; its pictures are square
 DRAWN_GROUP, ALONE_GROUP = 1, 5  # of geoms: what pictures show; where a thing is put to be looked at by itself
+LEVEL = 0.01  # the sine of the largest angle by which a level picture may be turned
 SIGHT_RAYS = 40  # from side to side of the rectangle around a thing in the picture
+
+
+def still_cameras(live: LiveModel) -> list[LiveCamera]:
+    """Those that stand still in the world, with level pictures and a name of letters, digits and `_`."""
+    still = [one for one in range(live.model.ncam) if not live.model.cam_bodyid[one] and not live.model.cam_mode[one]]
+    names = [str(live.model.camera(one).name) for one in still]
+    return [one for one in (LiveCamera(live, name) for name in names if name.isidentifier()) if one.is_level]
 
 
 class LiveCamera:
@@ -59,6 +67,12 @@ class LiveCamera:
             groups = DRAWN_GROUP, ALONE_GROUP
             seen = [live.ray(self.eye, ray, groups)[1] == name for ray in rays[alone & pictured]]
         return sum(seen) / max(int(alone.sum()), 1)
+
+    @property
+    def is_level(self) -> bool:
+        """Whether a spec has its picture: the sides are upright, or, where it looks straight down, y is up."""
+        right, up, back = self.turn.T
+        return bool(abs(right[2]) < LEVEL and (up[1] > 1.0 - LEVEL if back[2] > 1.0 - LEVEL else up[2] > 0.0))
 
     @contextmanager
     def _by_itself(self, geoms: Sequence[int]) -> Iterator[None]:

@@ -82,7 +82,8 @@ def _room_in_ring(
         places[:, 2],
     )
     near, far = (np.interp(heights, ring.heights, curve) for curve in (ring.nearest, ring.farthest))
-    parts = [radii - near + slack[0], far + slack[1] - radii, heights - ring.heights[0], ring.heights[-1] - heights]
+    over = np.minimum(heights - ring.heights[0], ring.heights[-1] - heights)
+    parts = [radii - near + slack[0], far + slack[1] - radii, np.where(over < 0.0, over, np.inf)]
     limits = [] if ring.turns_freely else [(bearings, ring.bearing, slack[2])]
     for angles, (low, high), more in limits + ([] if headings is None else [(headings - bearings, ring.turn, 0.0)]):
         off = np.mod(angles - (low + high) / 2.0 + math.pi, math.tau) - math.pi

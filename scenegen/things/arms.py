@@ -72,10 +72,10 @@ class ReachRing:
         return self.bearing[1] - self.bearing[0] >= TWO_PI
 
     def reach_at(self, height: float) -> tuple[float, float]:
-        """The nearest and farthest distance from the base's axis at a height from the first to the last."""
+        """The nearest and farthest distance from the base's axis at a height; beyond all heights those at the end."""
         at = min(max(bisect_right(self.heights, height), 1), len(self.heights) - 1)
         low, high = self.heights[at - 1], self.heights[at]
-        share = (height - low) / (high - low)
+        share = min(max((height - low) / (high - low), 0.0), 1.0)
         near, far = (values[at - 1] + share * (values[at] - values[at - 1]) for values in (self.nearest, self.farthest))
         return near, far
 

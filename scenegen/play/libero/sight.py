@@ -16,7 +16,8 @@ from scenegen.play.libero.measure import LiveModel
 AGENT_VIEW = "agentview"  # LIBERO's camera, from which policies see the table; its pictures are square
 DRAWN_GROUP, ALONE_GROUP = 1, 5  # of geoms: what pictures show; where a thing is put to be looked at by itself
 LEVEL = 0.01  # the sine of the largest angle by which a level picture may be turned
-SIGHT_RAYS = 40  # from side to side of the rectangle around a thing in the picture
+PICTURE_PIXELS = 256  # from side to side of the picture whose pixels are counted, by a ray through the middle of each
+MOST_PIXELS = 80  # of them from side to side of a thing; where it has more, every second counts, or fewer
 
 
 def still_cameras(live: LiveModel) -> list[LiveCamera]:
@@ -56,9 +57,11 @@ class LiveCamera:
         own = [one for one in drawn if live.owner(one) == name]
         points = (np.concatenate([live.corners(one) for one in own]) - self.eye) @ self.turn
         slopes = points[:, :2] / -points[:, 2:]
-        (left, bottom), (right, top) = slopes.min(axis=0), slopes.max(axis=0)
-        middles = (np.arange(SIGHT_RAYS) + 0.5) / SIGHT_RAYS
-        across, up = np.meshgrid(left + middles * (right - left), bottom + middles * (top - bottom))
+        pixels = (slopes / edge + 1.0) * PICTURE_PIXELS / 2.0
+        low, high = np.floor(pixels.min(axis=0)).astype(int), np.ceil(pixels.max(axis=0)).astype(int)
+        step = 1 + int((high - low).max()) // MOST_PIXELS
+        columns, rows = (np.arange(low[axis], high[axis], step) + 0.5 for axis in (0, 1))
+        across, up = np.meshgrid(*((2.0 * one / PICTURE_PIXELS - 1.0) * edge for one in (columns, rows)))
         rays = np.stack([across.ravel(), up.ravel(), np.full(across.size, -1.0)], axis=1)
         pictured = (np.abs(rays[:, :2]) <= edge).all(axis=1)
         rays = rays @ self.turn.T

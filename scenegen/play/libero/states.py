@@ -35,7 +35,6 @@ STEPS_BETWEEN_LOOKS = 50  # steps of the simulation from one look at the things 
 REST_DISTANCES = 1e-5, 1e-3  # metres: what moves less from look to look is at rest; what moves more at the end is not
 MISS = -0.001  # phi of starts that miss, at most
 SEEN = "visible"  # the label of the share that LIBERO's camera sees
-SHARE_TOLERANCE = 0.01  # by which that share, by rays, may be out of its range
 LEAST, TRIES = 174, 10  # scenes that are drawn at most: if none of them is good, and for each state
 DRAW_TIMEOUT, SIGHT_TIMEOUT = 60.0, 300.0  # seconds of a draw, and of one at a range of `visible`
 UPRIGHT_DRAWS = 6  # draws without a success, after which what the goal has in a fixture is tried in other attitudes
@@ -248,7 +247,7 @@ class _Maker:
         if self.judge() != solved:
             return _Verdict(f"phi is {'>= 0, but not solved' if solved else '< 0, but solved'}", False)
         low, high = self.seen.ends if self.seen else (-math.inf, math.inf)
-        if not min(low, 1.0) - SHARE_TOLERANCE <= read.get(SEEN, 0.0) <= high + SHARE_TOLERANCE:
+        if self.seen and not min(low, 1.0) <= read[SEEN] <= high:
             return _Verdict("another share is visible in LIBERO's camera", True)
         if solved != wanted:
             return _Verdict(f"{'solves' if solved else 'loses'} the goal while it settles", True)

@@ -48,7 +48,7 @@ def arm(
       scenegen arm panda.urdf --tip panda_grasptarget --out my_arm.toml
       scenegen arm ur5e.urdf --tip tool0 --tool 16cm --out ur5e.toml
 
-    At each height, the fingertips can be between two radii about the first joint, which has to be upright. They are
+    At each height, the last joint can be between two radii about the first, which has to be upright. They are
     found by forward kinematics within the limits of all joints: in about a minute, and with the same bytes each time.
     Base and hand are measured on the file's shapes where it has them and the fingers slide. Sizes that you give count
     instead, and the file says of each whether it was measured, given or assumed. Lengths without a unit are metres.

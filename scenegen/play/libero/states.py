@@ -96,13 +96,13 @@ def init_states(
 
     `phi` is a range as `scenegen.sample` takes it; without one of `goal`, starts miss it. Starts that miss are as the
     initial facts have them, unless a range of `start` is given, or one of `visible`: the share of what the goal moves
-    that LIBERO's camera `agentview` sees (see `spec_of`), which a state has by what is drawn there, to 0.01. Things
-    settle for `settle` seconds at most, while the arm is held. A state is kept if `accept`, by default the
-    environment's `check_success`, agrees with the sign of phi, at once and after 20 steps of the environment's own, if
-    nothing moves or touches the robot, and if the initial facts hold, to 1 cm; without those of what the goal moves
-    where phi of `start` may be below 0. `spec` is what `spec_of` made of the environment since its last reset; it is
-    made where none is given. It needs a label `goal`. At most ten scenes for each state are drawn, and 174 in vain:
-    there can be fewer states than n. The same seed gives the same states.
+    that LIBERO's camera `agentview` sees (see `spec_of`), which a state has by what is drawn there. Things settle for
+    `settle` seconds at most, while the arm is held. A state is kept if `accept`, by default the environment's
+    `check_success`, agrees with the sign of phi, at once and after 20 steps of the environment's own, if nothing moves
+    or touches the robot, and if the initial facts hold, to 1 cm; without those of what the goal moves where phi of
+    `start` may be below 0. `spec` is what `spec_of` made of the environment since its last reset; it is made where none
+    is given. It needs a label `goal`. At most ten scenes for each state are drawn, and 174 in vain: there can be fewer
+    states than n. The same seed gives the same states.
 
     Raises RequestError, also where no scene has such a phi.
     """

@@ -179,9 +179,8 @@ def arm_text(name: str, reach: Reach, measured: ArmSizes, given: Mapping[str, tu
     lines.append(f'name = "{name}"')
     lines += _ring_lines(reach.front, measured.floor, beside)
     if beside:
-        lines += _list(
-            "offset", reach.offset, "m from that axis to the fingertips, along where they close and to its left"
-        )
+        offset = [round(one, DIGITS) for one in reach.offset]
+        lines += _list("offset", offset, "m from that axis to the fingertips, along where they close and to its left")
     lines.append("")
 
     def line(key: str, part: str, values: Sequence[float]) -> str:

@@ -39,7 +39,7 @@ HALVINGS = 3  # of the distance from the last point that is reached to the first
 SLACKS = 0.0, 0.01, 0.02, 0.05, 0.08, 0.1, 0.125, 0.15, 0.2, 0.3  # radians within the limits of the first joint
 TESTED_BEARINGS = 73  # of an arc
 BEHIND = math.pi / 2.0  # radians off the middle of its bearings from which an arm leans back over its base
-NO_OFFSET = 1e-6  # metres of a tip from the last axis that are none
+NO_OFFSET = 5e-5  # metres of a tip from the last axis that are none
 ROUNDING = 1e-9  # radians
 BATCH = 10_000  # postures that are moved at once
 
@@ -85,14 +85,14 @@ def measure_reach(chain: JointChain, approach: Floats, beyond: float = 0.0, clos
     arm = PostureSearch(chain, approach, beyond, some / np.linalg.norm(some) if closing is None else closing)
     beside = math.hypot(*arm.offset) > NO_OFFSET
     if beside and closing is not None:
-        found = _measure(arm, 0.0)
+        found = _measure(arm, 0.0, arm.offset)
         if all(one.turn[1] - one.turn[0] >= math.pi for one in (found.front, found.behind) if one is not None):
             return found
-    return _measure(arm, math.hypot(*arm.offset) if beside else 0.0)
+    return _measure(arm, math.hypot(*arm.offset) if beside else 0.0, (0.0, 0.0))
 
 
-def _measure(arm: PostureSearch, narrowing: float) -> Reach:
-    """The rings, `narrowing` metres smaller where this is not 0. Raises ChainError."""
+def _measure(arm: PostureSearch, narrowing: float, offset: tuple[float, float]) -> Reach:
+    """The rings, `narrowing` metres smaller at both ends. Raises ChainError."""
     grid = _Grid(arm, np.random.default_rng(REACH_SEED), narrowing)
     front, behind = grid.ring(), None
     if front is None:
@@ -102,7 +102,6 @@ def _measure(arm: PostureSearch, narrowing: float) -> Reach:
         )
     if front.bearing[1] - front.bearing[0] < math.tau:
         behind = _Grid(arm, np.random.default_rng(REACH_SEED), narrowing, behind=True).ring()
-    offset = (0.0, 0.0) if narrowing else arm.offset
     return Reach(front, behind, offset, grid.rise, grid.step, arm.axis)
 
 

@@ -99,8 +99,8 @@ def test_a_tip_beside_the_last_axis_narrows_the_ring(coarse):
 
 @pytest.mark.long
 def test_where_it_is_known_how_a_hand_closes_the_ring_is_that_of_the_last_axis(coarse):
-    """The tip is 2 cm to where the hand closes; the arm also leans back over its base, and the hand turns by 3.2 rad,
-    which is all round: clockwise from above, as its axis points down."""
+    """The tip is 2 cm to where the hand closes; the arm also leans back over its base, and the hand turns clockwise as
+    seen from above, as its axis points down: by 5 rad."""
     data = planar(shoulder=(-1.0, 1.6), elbow=(-2.0, 2.0), tip="0.02 0 0.1", finger="0 1 0", roll=(-3.0, 2.0))
     chain = read_chain(data, "l6")
     closing = closing_direction(data, chain, "l6", DOWN)
@@ -111,7 +111,7 @@ def test_where_it_is_known_how_a_hand_closes_the_ring_is_that_of_the_last_axis(c
     for height, near, far in zip(found.front.heights, found.front.nearest, found.front.farthest, strict=True):
         inner, outer = exact(height, 2.0)
         assert inner - 1e-5 <= near and far <= outer + 1e-5
-    assert found.front.farthest[len(found.front.heights) // 2] > 0.52
+    assert max(found.front.farthest) > 0.54  # not 2 cm less
     # pointing down, its x axis points back to the base, and turns clockwise
     middle = (math.pi if closing[0] > 0 else 0.0) + 0.5
     for ring, turned in ((found.front, 0.0), (found.behind, math.pi)):

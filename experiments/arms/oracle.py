@@ -70,7 +70,8 @@ def rooms(arm: Arm, places: Floats, headings: Floats | None = None) -> Floats:
             cos, sin = np.cos(heading), np.sin(heading)
             axis = places - np.column_stack([x * cos - y * sin, x * sin + y * cos, np.zeros(len(places))])
             found.append(_room_in_ring(ring, axis, (0.0, 0.0, 0.0), heading if any(arm.offset) else None))
-    return np.max(found, axis=0)
+    most: Floats = np.max(found, axis=0)
+    return most
 
 
 def _room_in_ring(
@@ -88,7 +89,8 @@ def _room_in_ring(
     for angles, (low, high), more in limits + ([] if headings is None else [(headings - bearings, ring.turn, 0.0)]):
         off = np.mod(angles - (low + high) / 2.0 + math.pi, math.tau) - math.pi
         parts.append(radii * ((high - low) / 2.0 - np.abs(off)) + more)
-    return np.min(parts, axis=0)
+    least: Floats = np.min(parts, axis=0)
+    return least
 
 
 def measure(
@@ -119,7 +121,11 @@ def measure(
             ),
         )
         right = int((claimed & reached).sum())
-        numbers = {"off the border": len(claimed), "claimed": int(claimed.sum()), "reached": int(reached.sum())}
+        numbers: dict[str, float] = {
+            "off the border": len(claimed),
+            "claimed": int(claimed.sum()),
+            "reached": int(reached.sum()),
+        }
         numbers |= {"precision": right / max(int(claimed.sum()), 1), "recall": right / max(int(reached.sum()), 1)}
         found |= {f"{what}{name}": number for name, number in numbers.items()}
     return found

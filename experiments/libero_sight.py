@@ -23,8 +23,7 @@ import numpy as np
 from scenegen.errors import RequestError
 from scenegen.libero import init_states, spec_of
 from scenegen.play.libero.files import LiberoTask, make_environment, tasks_of
-from scenegen.play.libero.measure import LiveModel
-from scenegen.play.libero.sight import DRAWN_GROUP
+from scenegen.play.libero.measure import DRAWN_GROUP, LiveModel
 
 SHARES, HALF = (0.9, 0.6, 0.3, 0.1), 0.05  # the middles of ranges, and how far they go
 PIXELS = 256  # from side to side of a picture

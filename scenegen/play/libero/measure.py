@@ -28,6 +28,7 @@ FLAT_SITE = 0.012  # half a site's height: a flat site is a surface, a higher on
 UPRIGHT_COSINE = 0.95  # a site none of whose axes is as upright as this, by the cosine, is on a slope
 RAY_GRID = np.linspace(-0.95, 0.95, 13)  # of rays onto a site, in parts of its half size
 FLOOR_TOLERANCE = 0.006  # metres by which rays onto one floor differ
+DRAWN_GROUP = 1  # of geoms: what pictures show
 DOWNWARDS = (0.0, 0.0, -1.0)
 
 
@@ -231,13 +232,17 @@ class LiveModel:
         return (math.inf, "") if geom[0] < 0 else (float(far), self.owner(int(geom[0])))
 
     def ground(self, origin: Sequence[float], reach: float = 0.3) -> float:
-        """The height of the ground near a point, by rays past all things."""
+        """The height of the ground near a point, by rays past all things onto shapes that only collide, or else, such as
+        LIBERO's floor, onto those that are drawn, too."""
         x, y, z = origin
         grid, above = np.linspace(-reach, reach, 7), z + 0.08
-        with self.without_movers():
-            found = [self.ray((x + u, y + v, above), DOWNWARDS) for u in grid for v in grid]
-        heights = [above - far for far, owner in found if math.isfinite(far) and not owner]
-        return float(np.median(heights)) if heights else z
+        for groups in ((0,), (DRAWN_GROUP,)):
+            with self.without_movers():
+                found = [self.ray((x + u, y + v, above), DOWNWARDS, groups) for u in grid for v in grid]
+            heights = [above - far for far, owner in found if math.isfinite(far) and not owner]
+            if heights:
+                return float(np.median(heights))
+        return z
 
     def floor(self, site: str, half: Array, fixture: str, joints: Mapping[str, float]) -> Floor:
         """The floor of a fixture at one of its sites, by rays from within it. A site on a slope, or that no ray finds a

@@ -11,10 +11,10 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import UNKNOWN_CHOICE
-from scenegen.play.libero.measure import LiveModel
+from scenegen.play.libero.measure import DRAWN_GROUP, LiveModel
 
 AGENT_VIEW = "agentview"  # LIBERO's camera, from which policies see the table; its pictures are square
-DRAWN_GROUP, ALONE_GROUP = 1, 5  # of geoms: what pictures show; where a thing is put to be looked at by itself
+ALONE_GROUP = 5  # of geoms: where a thing is put to be looked at by itself
 LEVEL = 0.01  # the sine of the largest angle by which a level picture may be turned
 PICTURE_PIXELS = 256  # from side to side of the picture whose pixels are counted, by a ray through the middle of each
 MOST_PIXELS = 80  # of them from side to side of a thing; where it has more, every second counts, or fewer

@@ -187,13 +187,18 @@ class LiveModel:
         quaternion = self.start[address : address + 4]
         return upright(quaternion), float(heading_of(quaternion))
 
-    def points(self, name: str, low: float = math.inf) -> Array:
+    def points(self, name: str, low: float = math.inf, *, drawn: bool = False) -> Array:
         """(n, 3): the corners of a thing's collision shapes, in the frame of its root body; of shapes that begin at
-        most `low` above its lowest point."""
+        most `low` above its lowest point. With `drawn`, also of what pictures show, which can be larger."""
         body = self.things[name]
         origin, turn = self.data.xpos[body], self.data.xmat[body].reshape(3, 3)
         geoms = (geom for geom in range(self.model.ngeom) if self.owner(geom) == name)
-        solid = [geom for geom in geoms if self.model.geom_contype[geom] or self.model.geom_conaffinity[geom]]
+        model, shown = self.model, (DRAWN_GROUP,) if drawn else ()
+        solid = [
+            one
+            for one in geoms
+            if model.geom_contype[one] or model.geom_conaffinity[one] or model.geom_group[one] in shown
+        ]
         found = [(self.corners(geom) - origin) @ turn for geom in solid]
         lowest = min((one[:, 2].min() for one in found), default=0.0)
         near = [one for one in found if one[:, 2].min() - lowest <= low]
@@ -232,8 +237,8 @@ class LiveModel:
         return (math.inf, "") if geom[0] < 0 else (float(far), self.owner(int(geom[0])))
 
     def ground(self, origin: Sequence[float], reach: float = 0.3) -> float:
-        """The height of the ground near a point, by rays past all things onto shapes that only collide, or else, such as
-        LIBERO's floor, onto those that are drawn, too."""
+        """The height of the ground near a point, by rays past all things onto shapes that only collide; or else, as
+        LIBERO's floor is, onto those that are drawn, too."""
         x, y, z = origin
         grid, above = np.linspace(-reach, reach, 7), z + 0.08
         for groups in ((0,), (DRAWN_GROUP,)):

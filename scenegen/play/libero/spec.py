@@ -73,10 +73,10 @@ def spec_of(env: Any, more: str = "", *, anywhere: bool = True, sight: bool = Fa
     It has the robot, `arm`, where its base stands. LIBERO's has its camera `agentview`, robosuite's those that stand
     still and whose pictures are level, all square. LIBERO's has the labels `goal` and, where the goal moves something,
     `start`; with `sight` also `visible`, whose phi is the share of what the goal moves that the camera sees, the least
-    of several. `more` are statements to add, such as the labels of a task of robosuite's. The goal holds wherever
-    LIBERO's resets put the fixtures, unless `anywhere` is false: then it is that of the scene as it is now, for
-    `set_scene`. Raises RequestError for a goal of LIBERO's that has no form here, and for `sight` where it moves
-    nothing; SpecError for statements that do not check.
+    of several, and its things are as large as they are drawn. `more` are statements to add, such as the labels of a
+    task of robosuite's. The goal holds wherever LIBERO's resets put the fixtures, unless `anywhere` is false: then it
+    is that of the scene as it is now, for `set_scene`. Raises RequestError for a goal of LIBERO's that has no form
+    here, and for `sight` where it moves nothing; SpecError for statements that do not check.
     """
     live = LiveModel(env)
     task = hasattr(live.env, "parsed_problem")
@@ -85,7 +85,7 @@ def spec_of(env: Any, more: str = "", *, anywhere: bool = True, sight: bool = Fa
     origin = x, y, live.ground((x, y, z))
     names = [one.name for part in samplers for one in part.mujoco_objects if one.name in live.movers]
     stand = {name: live.attitude(name) for name in (live.movers if task else names)}
-    prisms = {name: prism_of(live.points(name), attitude) for name, (attitude, _) in stand.items()}
+    prisms = {name: prism_of(live.points(name, drawn=sight), attitude) for name, (attitude, _) in stand.items()}
     maker = _Task(live, origin, prisms, {name: heading for name, (_, heading) in stand.items()}, anywhere)
     text = maker.text() if task else _plain(live, origin, prisms, samplers)
     text += "".join(f"\n{one.strip()}\n" for one in (maker.sight() if sight else "", more) if one)

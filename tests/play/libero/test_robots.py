@@ -13,7 +13,7 @@ from scenegen.play.libero.sight import still_cameras
 HALF = math.sqrt(0.5)
 MODEL = """
 <mujoco><worldbody>
-  <geom type="plane" size="5 5 0.1"/>
+  <geom type="plane" size="5 5 0.1" group="1"/>
   <camera name="front" pos="2 0 1" xyaxes="0 1 0 0 0 1"/>
   <camera name="top" pos="0 0 3"/>
   <camera name="turned" pos="0 0 3" xyaxes="0 1 0 -1 0 0"/>
@@ -69,3 +69,8 @@ def test_cameras_that_stand_still_and_are_level():
     assert [one.name for one in found] == ["front", "top"]
     text = "\n".join(one.statement((0.0, 0.0, 0.0)) for one in found)
     assert scenegen.parse(f"{text}\ntask: inView(mug, front) & inView(mug, top)").labels == ("task",)
+
+
+def test_a_floor_that_is_drawn_and_collides_is_the_ground():
+    """LIBERO's own point of the floor scenes is 3.5 cm below it."""
+    assert live().ground((0.0, 0.0, -0.035)) == pytest.approx(0.0, abs=1e-9)

@@ -23,10 +23,10 @@ import numpy as np
 from scenegen.errors import RequestError
 from scenegen.libero import init_states, spec_of
 from scenegen.play.libero.files import LiberoTask, make_environment, tasks_of
-from scenegen.play.libero.measure import LiveModel
-from scenegen.play.libero.sight import DRAWN_GROUP
+from scenegen.play.libero.measure import DRAWN_GROUP, LiveModel
 
 SHARES, HALF = (0.9, 0.6, 0.3, 0.1), 0.05  # the middles of ranges, and how far they go
+ROUNDING = 1e-9
 PIXELS = 256  # from side to side of a picture
 
 
@@ -77,7 +77,7 @@ def table(lines: list[dict[str, Any]]) -> None:
         masks, phi, rays = (
             np.array([value for one in mine for value in one.get(key, [])]) for key in ("masks", "phi", "rays")
         )
-        inside, near, seen = np.abs(masks - share) <= HALF + 0.015, np.abs(masks - phi) <= 0.05, np.abs(masks - rays)
+        inside, near, seen = np.abs(masks - share) <= HALF + ROUNDING, np.abs(masks - phi) <= 0.05, np.abs(masks - rays)
         full, cpu = sum(one["n"] > 0 for one in mine), np.median([one["cpu_s"] for one in mine])
         cells = [f"{share:.0%}", f"{full} of {len(mine)}", f"{len(masks)} / {sum(one.get('drawn', 0) for one in mine)}"]
         cells += [f"{inside.mean():.0%}", f"{near.mean():.0%}", f"{(seen <= 0.05).mean():.0%}", f"{cpu:.1f}"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
 
@@ -85,10 +86,9 @@ def solve_planar(chain: JointChain, yaw: float, at: Floats) -> Floats:
     """Angles (N, 5) of an arm whose second to fourth joint are parallel and level, and whose last turns about the
     direction of the hand, for a tip that points down with this yaw."""
     count = len(chain.hinges)
-    places, axes = _zero(chain)
+    places, axes, tip_turn, tip = _zero(chain)
     lateral = axes[1]  # the common axis
     radial = np.array([lateral[1], -lateral[0], 0.0])
-    tip_turn, tip = (one[0] for one in forward(chain, np.zeros((1, count))))
     roll = axes[4]
     foot = places[4] + roll * float(roll @ (tip - places[4]))  # of the tip on the last axis
     plane = [
@@ -132,12 +132,14 @@ def _last(chain: JointChain, angles: list[float], yaw: float) -> list[float]:
     return [now - yaw, yaw - now]
 
 
-def _zero(chain: JointChain) -> tuple[list[Floats], list[Floats]]:
-    """Where the joints are, and their axes, at angles of 0."""
+@cache
+def _zero(chain: JointChain) -> tuple[list[Floats], list[Floats], Floats, Floats]:
+    """Where the joints are, and their axes, at angles of 0; the tip's axes and place."""
     turn, at = np.eye(3), np.zeros(3)
     places, axes = [], []
     for hinge in chain.hinges:
         at, turn = at + turn @ hinge.frame.at, turn @ hinge.frame.turn
         places.append(at)
         axes.append(turn @ hinge.axis)
-    return places, axes
+    tip_turn, tip = forward(chain, np.zeros((1, len(chain.hinges))))
+    return places, axes, tip_turn[0], tip[0]

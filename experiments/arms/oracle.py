@@ -2,8 +2,10 @@
 
 Poses of a hand that points down, uniform over a cylinder somewhat larger than the ring, with uniform headings. The
 truth is a posture within all limits, found by inverse kinematics and checked by forward kinematics on the arm's URDF:
-for this heading or the opposite one, which is the same grasp. Of the Panda: frankik with 721 values of its last joint,
-then ssik for what is still without. Of the UR5e and the SO-101: experiments/arms/closed_form.py.
+for this heading or the opposite one, which is the same grasp. Where the tip is beside the last axis, the heading
+matters: there a place counts as reached where it is at one of 36 headings, and the poses are judged by themselves, too.
+Of the Panda: frankik with 721 values of its last joint, then ssik for what is still without. Of the UR5e and the
+SO-101: experiments/arms/closed_form.py.
 
     python -m experiments.arms.oracle so101 [--poses 10000] [--urdf panda.urdf]
 
@@ -13,7 +15,6 @@ The Panda needs `pip install frankik ssik`, and its URDF file, which the package
 from __future__ import annotations
 
 import argparse
-import itertools
 import json
 import math
 import time
@@ -21,15 +22,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from experiments.arms import facts
 from experiments.arms.closed_form import down, fits, forward, solve_planar, solve_ur
-from scenegen.things.arms import Arm, shipped_arm
+from scenegen.things.arms import Arm, ReachRing, shipped_arm
 from scenegen.things.chain import JointChain, read_chain
 from scenegen.things.outline import Floats
 
-BORDER = 0.005  # metres: poses nearer than this to where the answer changes do not count
+BORDER = 0.005  # metres: poses nearer than this to where the claim changes do not count
+DIRECTIONS = 200  # in which a pose is moved to see whether it is near the border
+HEADINGS = 18  # over half a turn, that are tried where the tip is beside the last axis
+QUARTERS = 0.0, math.pi, math.pi / 2.0, -math.pi / 2.0  # directions from that away from the base
 LAST_JOINTS = 721  # values of the Panda's last joint
 UR5E_LENGTHS = 0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996
 UR5E_TOOL = 0.163  # metres from the flange to between the fingertips
@@ -45,71 +48,95 @@ IsReached = Callable[[Floats, float], bool]
 def draw_poses(arm: Arm, count: int, seed: int) -> tuple[Floats, Floats]:
     """Places (N, 3) about the first axis, and yaws (N,)."""
     rng = np.random.default_rng(seed)
-    radii = (max(arm.farthest) + 0.05) * np.sqrt(rng.uniform(size=count))
+    ring = arm.ring
+    radii = (max(ring.farthest) + 0.05) * np.sqrt(rng.uniform(size=count))
     bearings = rng.uniform(-math.pi, math.pi, count)
-    heights = rng.uniform(arm.heights[0] - 0.03, arm.heights[-1] + 0.03, count)
+    heights = rng.uniform(ring.heights[0] - 0.03, ring.heights[-1] + 0.03, count)
     places = np.column_stack([radii * np.cos(bearings), radii * np.sin(bearings), heights])
     return places, rng.uniform(-math.pi, math.pi, count)
 
 
-def claims(arm: Arm, places: Floats) -> npt.NDArray[np.bool_]:
-    """(N,): what the arm's file says is reached."""
-    radii, bearings = np.hypot(places[:, 0], places[:, 1]), np.arctan2(places[:, 1], places[:, 0])
-    near, far = (np.interp(places[:, 2], arm.heights, curve) for curve in (arm.nearest, arm.farthest))
-    found: npt.NDArray[np.bool_] = (
-        (places[:, 2] >= arm.heights[0]) & (places[:, 2] <= arm.heights[-1]) & (radii >= near) & (radii <= far)
+def rooms(arm: Arm, places: Floats, headings: Floats | None = None) -> Floats:
+    """(N,) metres: how far inside of what the arm's file says places are, the hand turned as is best; with `headings`
+    (N,) of the direction in which it closes, turned so, either way round. As scenegen/lang/check/arms.py has it."""
+    found = [np.full(len(places), -np.inf)]
+    for ring in arm.rings:
+        if headings is None:
+            ahead, back, left, right = (ring.tip_distance(arm.offset, away) for away in QUARTERS)
+            found.append(_room_in_ring(ring, places, (back, ahead, min(left, right))))
+            continue
+        x, y = arm.offset
+        for heading in (headings, headings + math.pi):
+            cos, sin = np.cos(heading), np.sin(heading)
+            axis = places - np.column_stack([x * cos - y * sin, x * sin + y * cos, np.zeros(len(places))])
+            found.append(_room_in_ring(ring, axis, (0.0, 0.0, 0.0), heading if any(arm.offset) else None))
+    most: Floats = np.max(found, axis=0)
+    return most
+
+
+def _room_in_ring(
+    ring: ReachRing, places: Floats, slack: tuple[float, float, float], headings: Floats | None = None
+) -> Floats:
+    radii, bearings, heights = (
+        np.hypot(places[:, 0], places[:, 1]),
+        np.arctan2(places[:, 1], places[:, 0]),
+        places[:, 2],
     )
-    if not arm.turns_freely:
-        found &= (bearings >= arm.bearing[0]) & (bearings <= arm.bearing[1])
-    return found
-
-
-def border_distances(arm: Arm, places: Floats) -> Floats:
-    """(N,): metres to where the claim changes."""
-    points = np.column_stack([np.hypot(places[:, 0], places[:, 1]), places[:, 2]])
-    near, far = (list(zip(curve, arm.heights, strict=True)) for curve in (arm.nearest, arm.farthest))
-    corners = np.array([*near, *far[::-1], near[0]])
-    best = np.full(len(points), np.inf)
-    for start, end in itertools.pairwise(corners):
-        if start[0] == end[0] == 0.0:
-            continue  # the axis itself is no border
-        along = end - start
-        share = np.clip((points - start) @ along / max(float(along @ along), 1e-18), 0.0, 1.0)
-        best = np.minimum(best, np.hypot(*(points - start - share[:, None] * along).T))
-    if not arm.turns_freely:
-        bearings = np.arctan2(places[:, 1], places[:, 0])
-        for limit in arm.bearing:
-            off = np.abs(np.mod(bearings - limit + math.pi, math.tau) - math.pi)
-            best = np.minimum(best, points[:, 0] * np.where(off < math.pi / 2.0, np.sin(off), 1.0))
-    return best
+    near, far = (np.interp(heights, ring.heights, curve) for curve in (ring.nearest, ring.farthest))
+    over = np.minimum(heights - ring.heights[0], ring.heights[-1] - heights)
+    parts = [radii - near + slack[0], far + slack[1] - radii, np.where(over < 0.0, over, np.inf)]
+    limits = [] if ring.turns_freely else [(bearings, ring.bearing, slack[2])]
+    for angles, (low, high), more in limits + ([] if headings is None else [(headings - bearings, ring.turn, 0.0)]):
+        off = np.mod(angles - (low + high) / 2.0 + math.pi, math.tau) - math.pi
+        parts.append(radii * ((high - low) / 2.0 - np.abs(off)) + more)
+    least: Floats = np.min(parts, axis=0)
+    return least
 
 
 def measure(
     arm: Arm, is_reached: IsReached, axis: tuple[float, float], count: int, seed: int = SEED
 ) -> dict[str, float]:
-    """Counts of the poses off the border, by claim and truth; precision and recall, over all bearings and over those
-    within the arm's `bearing`. `axis` is where the first axis stands in the base link's frame."""
+    """Counts of the poses off the border, by claim and truth, and precision and recall: of places, the hand turned as
+    is best, and, where that matters, of poses. `axis` is where the first axis stands in the base link's frame."""
     places, yaws = draw_poses(arm, count, seed)
-    claimed, counts = claims(arm, places), border_distances(arm, places) > BORDER
     offset = np.array([*axis, 0.0])
-    truth = np.array(
-        [
-            is_reached(place + offset, yaw) or is_reached(place + offset, yaw + math.pi) if one else False
-            for place, yaw, one in zip(places, yaws.tolist(), counts.tolist(), strict=True)
-        ]
-    )
-    bearings = np.arctan2(places[:, 1], places[:, 0])
-    ahead = counts & ((bearings >= arm.bearing[0]) & (bearings <= arm.bearing[1]) | arm.turns_freely)
-    right = int((claimed & truth & counts).sum())
-    return {
-        "poses": count,
-        "off the border": int(counts.sum()),
-        "claimed": int((claimed & counts).sum()),
-        "reached": int((truth & counts).sum()),
-        "precision": right / max(int((claimed & counts).sum()), 1),
-        "recall": right / max(int((truth & counts).sum()), 1),
-        "recall within bearing": right / max(int((truth & ahead).sum()), 1),
-    }
+
+    def is_held(place: Floats, yaw: float) -> bool:
+        return is_reached(place + offset, yaw) or is_reached(place + offset, yaw + math.pi)
+
+    found: dict[str, float] = {"poses": count}
+    turned = [k * math.pi / HEADINGS for k in range(HEADINGS)] if any(arm.offset) else [0.0]
+    for what, headings, tried in (("", None, turned), ("at a heading: ", yaws, [0.0]))[: 1 + any(arm.offset)]:
+        claimed = rooms(arm, places, headings) >= 0.0
+        counts = np.ones(count, dtype=bool)
+        for way in _directions():
+            counts &= (rooms(arm, places + BORDER * way, headings) >= 0.0) == claimed
+        claimed, reached = (
+            claimed[counts],
+            np.array(
+                [
+                    any(is_held(place, yaw + more) for more in tried)
+                    for place, yaw in zip(places[counts], yaws[counts].tolist(), strict=True)
+                ]
+            ),
+        )
+        right = int((claimed & reached).sum())
+        numbers: dict[str, float] = {
+            "off the border": len(claimed),
+            "claimed": int(claimed.sum()),
+            "reached": int(reached.sum()),
+        }
+        numbers |= {"precision": right / max(int(claimed.sum()), 1), "recall": right / max(int(reached.sum()), 1)}
+        found |= {f"{what}{name}": number for name, number in numbers.items()}
+    return found
+
+
+def _directions() -> Floats:
+    """(D, 3): unit vectors, evenly over all directions."""
+    steps = np.arange(DIRECTIONS) + 0.5
+    heights, turns = 1.0 - 2.0 * steps / DIRECTIONS, math.pi * (1.0 + math.sqrt(5.0)) * steps
+    around = np.sqrt(1.0 - heights**2)
+    return np.column_stack([around * np.cos(turns), around * np.sin(turns), heights])
 
 
 def closed_form_oracle(name: str) -> tuple[IsReached, tuple[float, float]]:

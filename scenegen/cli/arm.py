@@ -48,7 +48,7 @@ def arm(
       scenegen arm panda.urdf --tip panda_grasptarget --out my_arm.toml
       scenegen arm ur5e.urdf --tip tool0 --tool 16cm --out ur5e.toml
 
-    At each height, the fingertips can be between two radii about the first joint, which has to be upright. They are
+    At each height, the last joint can be between two radii about the first, which has to be upright. They are
     found by forward kinematics within the limits of all joints: in about a minute, and with the same bytes each time.
     Base and hand are measured on the file's shapes where it has them and the fingers slide. Sizes that you give count
     instead, and the file says of each whether it was measured, given or assumed. Lengths without a unit are metres.
@@ -57,7 +57,7 @@ def arm(
 
     from scenegen.scenes.files import check_writable, read_bytes, write_whole
     from scenegen.scenes.formats.registry import check_ending
-    from scenegen.things.armfile import arm_text, measure_sizes
+    from scenegen.things.armfile import arm_text, closing_direction, measure_sizes
     from scenegen.things.chain import ChainError, read_chain
     from scenegen.things.outline import MeshError
     from scenegen.things.reach import measure_reach
@@ -81,8 +81,8 @@ def arm(
     data = read_bytes(urdf, "a URDF file", limit=MAX_URDF_BYTES)
     try:
         chain = read_chain(data, tip, base)
-        reach = measure_reach(chain, ahead, beyond)
-        detail(f"searched {len(reach.heights)} heights")
+        reach = measure_reach(chain, ahead, beyond, closing_direction(data, chain, tip, ahead))
+        detail(f"searched {len(reach.front.heights)} heights")
         measured = measure_sizes(data, _reader(urdf), chain, reach, tip, ahead)
     except ChainError as error:
         raise DataError(NO_ARM(file=urdf, reason=str(error), remedy=error.remedy)) from None
@@ -96,7 +96,7 @@ def arm(
     write_whole(out, text.encode())
     for reason in measured.skipped:
         print_error(f"not measured: {reason}")
-    near, far = min(reach.nearest), max(reach.farthest)
+    near, far = min(reach.front.nearest), max(reach.front.farthest)
     print_error(f"wrote {out}: from {near:.2f} to {far:.2f} m, {len(text):,} bytes")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from scenegen.things.chain import HINGES, JointChain
 from scenegen.things.meshfile import Read
 from scenegen.things.outline import Floats, MeshError, Shadow
-from scenegen.things.reach import Reach
+from scenegen.things.reach import MeasuredRing, Reach
 from scenegen.things.urdf import Element, LinkFrame, MeshFiles, add_shape, elements, links_of, numbers_of, origin_of
 
 THINNING = 0.002  # metres that the ring of a file may be from the measured one, inwards
@@ -60,24 +60,15 @@ def measure_sizes(
                 add_shape(shadow, shape, inner.then(origin_of(shape)), 1.0, files)
         return shadow.spread if shadow.top >= shadow.bottom else None
 
-    def rigid(start: str) -> list[str]:
-        """The links that stand still below a link, itself first."""
-        found = [start]
-        for name in found:
-            found += [
-                _end(one, "child") for one in joints if one.get("type") == "fixed" and _end(one, "parent") == name
-            ]
-        return found
-
     try:
         base = poses[chain.base][1]
-        if (found := extent(rigid(chain.base), base)) is not None:
+        if (found := extent(_rigid(joints, chain.base), base)) is not None:
             low, high = found
             x, y = (2.0 * max(high[axis] - at, at - low[axis]) for axis, at in enumerate(reach.axis))
             sizes["base"], floor = (y, x, high[2] - low[2]), round(float(low[2]), DIGITS)
     except MeshError as error:
         skipped.append(f"the base: {error}")
-    hand = rigid(chain.last)
+    hand = _rigid(joints, chain.last)
     sliding = [one for one in joints if one.get("type") == "prismatic" and _end(one, "parent") in hand]
     if not sliding:
         if any(one.get("type") in HINGES and _end(one, "parent") in hand for one in joints):
@@ -89,9 +80,12 @@ def measure_sizes(
     ]
     sizes["opening"] = (sum(travel),)
     try:
-        frame = _hand_frame(sliding[0], poses[_end(sliding[0], "child")][1], poses[tip][1], approach)
+        if (closing := closing_direction(data, chain, tip, approach)) is None:
+            raise MeshError("its fingers slide along the direction in which it points")
+        hold = poses[tip][1]
+        frame = LinkFrame(hold.turn @ np.column_stack([closing, np.cross(approach, closing), approach]), hold.at)
         palm = extent([_end(sliding[0], "parent")], frame)
-        fingers = [one for joint in sliding if (one := extent(rigid(_end(joint, "child")), frame)) is not None]
+        fingers = [one for joint in sliding if (one := extent(_rigid(joints, _end(joint, "child")), frame)) is not None]
         if fingers:
             thick, wide = (max(float(high[axis] - low[axis]) for low, high in fingers) for axis in (0, 1))
             sizes["finger"] = thick, wide
@@ -109,19 +103,33 @@ def _end(joint: Element, role: str) -> str:
     return joint.find(role).get("link")
 
 
-def _hand_frame(sliding: Element, finger: LinkFrame, tip: LinkFrame, approach: Floats) -> LinkFrame:
-    """The frame at the tip whose z is the direction of the hand, and whose x that in which it closes."""
-    ahead = tip.turn @ approach
-    axis = sliding.findall("axis")
-    closing = finger.turn @ np.array(numbers_of(axis[0], "xyz", 3) if axis else [1.0, 0.0, 0.0])
-    closing = closing - ahead * float(ahead @ closing)
-    if not (length := float(np.linalg.norm(closing))) > 1e-6:
-        raise MeshError("its fingers slide along the direction in which it points")
-    closing = closing / length
-    return LinkFrame(np.column_stack([closing, np.cross(ahead, closing), ahead]), tip.at)
+def _rigid(joints: Sequence[Element], start: str) -> list[str]:
+    """The links that stand still below a link, itself first."""
+    found = [start]
+    for name in found:
+        found += [_end(one, "child") for one in joints if one.get("type") == "fixed" and _end(one, "parent") == name]
+    return found
 
 
-def thin_ring(reach: Reach) -> tuple[list[float], list[float], list[float]]:
+def closing_direction(data: bytes, chain: JointChain, tip: str, approach: Floats) -> Floats | None:
+    """The unit vector (3,), in the frame of the tip link, across `approach`, along which the first finger of the hand
+    slides or swings; None where there is none. Raises MeshError for a damaged file."""
+    robot = elements(data)
+    poses, joints = {link.get("name"): pose for link, pose in links_of(robot)}, robot.findall("joint")
+    hand = _rigid(joints, chain.last)
+    fingers = [one for one in joints if one.get("type") in ("prismatic", *HINGES) and _end(one, "parent") in hand]
+    for joint in sorted(fingers, key=lambda one: one.get("type") in HINGES):  # those that slide first
+        axis = joint.findall("axis")
+        along = np.array(numbers_of(axis[0], "xyz", 3) if axis else [1.0, 0.0, 0.0])
+        along = poses[tip].turn.T @ poses[_end(joint, "child")].turn @ along
+        along = np.cross(along, approach) if joint.get("type") in HINGES else along - approach * float(approach @ along)
+        if (length := float(np.linalg.norm(along))) > 1e-6:
+            found: Floats = along / length
+            return found
+    return None
+
+
+def thin_ring(reach: MeasuredRing) -> tuple[list[float], list[float], list[float]]:
     """Heights, nearest and farthest of few heights, between which straight lines lie within the ring of all, nowhere
     further in than `THINNING`. Lengths are rounded inwards; heights count from the base link's origin."""
     heights, near, far = (np.array(one) for one in (reach.heights, reach.nearest, reach.farthest))
@@ -156,26 +164,24 @@ def thin_ring(reach: Reach) -> tuple[list[float], list[float], list[float]]:
 def arm_text(name: str, reach: Reach, measured: ArmSizes, given: Mapping[str, tuple[float, ...]], source: str) -> str:
     """The file, as `read_arm` reads it. `given` are sizes that the user knows, by the names of `ASSUMED`; `source` says
     of what was measured."""
-    heights, nearest, farthest = thin_ring(reach)
-    heights = [round(one - measured.floor, DIGITS) for one in heights]
+    beside = any(reach.offset)
     lines = [
         f"# {source}",
-        f"# The ring holds for all headings, the hand straight down; searched every {1000.0 * reach.step:.1f} mm",
+        f"# The ring {'is that of the last axis' if beside else 'holds for all headings'}, the hand straight down; "
+        f"searched every {1000.0 * reach.step:.1f} mm",
         f"# at heights {1000.0 * reach.rise:.0f} mm or less apart, within all joints' limits; collisions are ignored.",
     ]
-    if reach.gaps:
-        ends = " to ".join(f"{one - measured.floor:.3f}" for one in (reach.gaps[0], reach.gaps[-1]))
-        some = f"{len(reach.gaps)} of {len(reach.heights)} heights ({ends} m)"
-        lines.append(f"# At {some} more is reached beyond a gap: it is left out.")
+    for ring in (reach.front, reach.behind):
+        if ring is not None and ring.gaps:
+            ends = " to ".join(f"{one - measured.floor:.3f}" for one in (ring.gaps[0], ring.gaps[-1]))
+            some = f"{len(ring.gaps)} of {len(ring.heights)} heights ({ends} m)"
+            lines.append(f"# At {some} more is reached beyond a gap: it is left out.")
     lines.append(f'name = "{name}"')
-    lines += _list("heights", heights, "m above the plane that the base stands on")
-    lines += _list("nearest", nearest, "m from the first axis, at these heights")
-    lines += _list("farthest", farthest, "")
-    low, high = reach.bearing
-    low, high = (
-        (-3.1416, 3.1416) if high - low >= math.tau else (math.ceil(low * 1e4) / 1e4, math.floor(high * 1e4) / 1e4)
-    )
-    lines += [f"bearing = [{low}, {high}]  # rad from the base's heading", ""]
+    lines += _ring_lines(reach.front, measured.floor, beside)
+    if beside:
+        offset = [round(one, DIGITS) for one in reach.offset]
+        lines += _list("offset", offset, "m from that axis to the fingertips, along where they close and to its left")
+    lines.append("")
 
     def line(key: str, part: str, values: Sequence[float]) -> str:
         how = "given" if part in given else "measured" if part in measured.sizes else "assumed"
@@ -188,7 +194,30 @@ def arm_text(name: str, reach: Reach, measured: ArmSizes, given: Mapping[str, tu
         *(line(key, "base", [size]) for key, size in zip(("width", "depth", "height"), sizes["base"], strict=True)),
     ]
     lines += ["", "[hand]", *(line(part, part, sizes[part]) for part in ASSUMED if part != "base")]
+    if reach.behind is not None:
+        lines += ["", "[behind]  # where the arm leans back over its base"]
+        lines += _ring_lines(reach.behind, measured.floor, beside)
     return "\n".join(lines) + "\n"
+
+
+def _ring_lines(ring: MeasuredRing, floor: float, beside: bool) -> list[str]:
+    heights, nearest, farthest = thin_ring(ring)
+    lines = _list(
+        "heights", [round(one - floor, DIGITS) for one in heights], "m above the plane that the base stands on"
+    )
+    lines += _list("nearest", nearest, "m from the first axis, at these heights")
+    lines += [*_list("farthest", farthest, ""), f"bearing = {_arc(ring.bearing)}  # rad from the base's heading"]
+    if beside:
+        lines.append(f"turn = {_arc(ring.turn)}  # rad from the direction away from the base to where the hand closes")
+    return lines
+
+
+def _arc(arc: tuple[float, float]) -> list[float]:
+    """Rounded inwards; a whole turn and a little more where it is all round."""
+    low, high = arc
+    if high - low >= math.tau:
+        return [-3.1416, 3.1416]
+    return [math.ceil(low * 1e4) / 1e4, math.floor(high * 1e4) / 1e4]
 
 
 def _list(name: str, values: Sequence[float], comment: str) -> list[str]:

@@ -29,10 +29,12 @@ VERTICAL = 1e-6  # how far the cosine of the angle between two axes may be from 
 class Postures:
     """`angles` (N, M) of the joints between the first, which is at 0, and the last. `at` (N, 3) is the point of the
     last axis that is nearest to the tip, with the first axis at x = y = 0; `pointing` (N, 3) the direction of the hand;
-    `axes` and `centers` (N, M, 3) are those of the joints."""
+    `closing` (N, 3) that in which it closes, the last joint at 0; `axes` and `centers` (N, M, 3) are those of the
+    joints."""
 
     angles: Floats
     pointing: Floats
+    closing: Floats
     at: Floats
     axes: Floats
     centers: Floats
@@ -47,14 +49,20 @@ class Postures:
         """(N,) radians from the base link's x-axis."""
         return np.arctan2(self.at[:, 1], self.at[:, 0])
 
+    @property
+    def turns(self) -> Floats:
+        """(N,) radians from the direction away from the first axis to that in which the hand closes."""
+        return np.arctan2(self.closing[:, 1], self.closing[:, 0]) - self.bearings
+
 
 class PostureSearch:
     """The chain of an arm whose hand points along `approach` (3,), a unit vector in the frame of the tip link, the tip
-    being `beyond` metres from that link's origin in this direction. `offset` (m) is how far from the last axis the tip
-    is; `bearing` (rad) how far the first joint turns. Raises ChainError where the first joint does not turn about the
-    vertical, or the last not about the hand's direction."""
+    being `beyond` metres from that link's origin in this direction, and closes along `closing` (3,), a unit vector
+    across that. `offset` (m) is where the tip is from the last axis, along that direction and to its left as the hand
+    points down; `bearing` (rad) how far the first joint turns, and `turn` how far the last, counterclockwise. Raises
+    ChainError where the first joint does not turn about the vertical, or the last not about the hand's direction."""
 
-    def __init__(self, chain: JointChain, approach: Floats, beyond: float) -> None:
+    def __init__(self, chain: JointChain, approach: Floats, beyond: float, closing: Floats) -> None:
         if len(chain.hinges) < 4:
             raise ChainError(
                 "fewer than four joints move the hand",
@@ -82,10 +90,14 @@ class PostureSearch:
         tip = chain.tip.at + beyond * ahead
         self._end = self.last.axis * float(self.last.axis @ tip)
         self._ahead = self.last.axis * math.copysign(1.0, along)
-        self.offset = float(np.linalg.norm(tip - self._end))
+        self._closing = chain.tip.turn @ closing
+        aside = tip - self._end
+        self.offset = float(aside @ self._closing), float(aside @ np.cross(self._closing, self._ahead))
         self.axis = float(self.first.frame.at[0]), float(self.first.frame.at[1])
         low, high = self.first.limits
         self.bearing = (low, high) if upright > 0.0 else (-high, -low)
+        low, high = self.last.limits
+        self.turn = (-high, -low) if along > 0.0 else (low, high)
         limits = np.array([hinge.limits for hinge in self.inner])
         self.low, self.high = limits[:, 0], limits[:, 1]
         links = [hinge.frame.at for hinge in (*self.inner[1:], self.last)]
@@ -103,7 +115,8 @@ class PostureSearch:
             axes[:, number], centers[:, number] = turn @ hinge.axis, at
             turn = turn @ rotations(hinge.axis, angles[:, number])
         at = at + turn @ (self.last.frame.at + self.last.frame.turn @ self._end)
-        return Postures(angles, turn @ (self.last.frame.turn @ self._ahead), at, axes, centers)
+        pointing, closing = (turn @ (self.last.frame.turn @ one) for one in (self._ahead, self._closing))
+        return Postures(angles, pointing, closing, at, axes, centers)
 
     def settle(
         self, angles: Floats, steps: int, heights: Floats | None = None, radii: Floats | None = None

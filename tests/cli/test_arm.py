@@ -45,4 +45,4 @@ def test_a_file_is_written(robot, scenegen, monkeypatch):
     assert (outcome.status, outcome.out) == (0, "") and "wrote mine.toml" in outcome.err
     arm = read_arm((robot / "mine.toml").read_bytes())
     assert (arm.name, arm.hand.opening, arm.hand.palm) == ("mine", 0.07, (0.09, 0.07, 0.1))
-    assert arm.turns_freely and max(arm.farthest) == pytest.approx(0.55, abs=0.02)
+    assert arm.ring.turns_freely and max(arm.ring.farthest) == pytest.approx(0.55, abs=0.02)

@@ -1,6 +1,7 @@
 """Robots: what keeps true in every scene, and what is wrong with specs and files of arms. Scenes worked out on paper
 stand in tests/golden/lang/relations."""
 
+import math
 import re
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import torch
 
 import scenegen
+from experiments.arms.oracle import rooms
 from scenegen.errors import SpecError
 from scenegen.geometry import MATH, NUMPY, PRIMITIVES, Box, Circle
 from scenegen.geometry.footprint import Polygon, place_box
@@ -34,6 +36,8 @@ SPECS = {
     "limited": 'robot arm = arm("a", heights = [0, 1], nearest = [0.1, 0.3], farthest = [0.7, 0.9], '
     "bearing = [-2, 1.5], base = [0.2, 0.2, 0.1], hand = [0.08, 0.02, 0.02, 0.05, 0.2, 0.06, 0.1])\nobject can, lemon\n"
     "task: reachable(can, arm)\nway: graspable(lemon, arm)",
+    "beside": "robot arm = so101 at (0.5, 0.2, NORTH)\nobject can, lemon\n"
+    "task: reachable(can, arm)\nway: graspable(lemon, arm, 0)",
 }
 BOXES = (1.0, 0.1, 1e-3, 0.0)
 
@@ -148,21 +152,44 @@ def test_scenes_are_in_reach_and_say_the_yaw():
     arm = shipped_arm("panda")
     away = np.hypot(scenes.poses[:, 1:, 0] - 0.5, scenes.poses[:, 1:, 1] + 0.25)
     tops = [shape.height for shape in spec.checked.shapes[1:]]
-    rings = np.array([arm.reach_at(top - 0.02) for top in tops])
+    rings = np.array([arm.ring.reach_at(top - 0.02) for top in tops])
     assert ((away >= rings[:, 0]) & (away <= rings[:, 1])).all()
     assert "handRoom(can, arm, 45 deg)" in [
         atom.text.removesuffix(" >= 0") for atom in spec.checked.core.nodes if hasattr(atom, "text")
     ]
 
 
-def test_an_arm_of_a_file_travels_with_the_spec(tmp_path):
-    (tmp_path / "mine.toml").write_bytes(grammar_file("arms/panda.toml").read_bytes())
+def test_a_tip_beside_the_last_axis_is_where_the_oracle_has_it():
+    """1 cm high and 4 m away from each other, so that the reach decides alone; poses about the base's own frame."""
+    arm, rng, count = shipped_arm("so101"), np.random.default_rng(0), 400
+    bearings, radii = rng.uniform(-math.pi, math.pi, count), rng.uniform(0.0, 0.32, count)
+    places = np.column_stack([radii * np.cos(bearings), radii * np.sin(bearings), np.zeros(count)])
+    headings = rng.uniform(-math.pi, math.pi, count)
+    text = (
+        "workspace [-1, 1] x [-1, 1]\nrobot arm = so101 at (0, 0, 90 deg)\nobject a = cylinder(5 mm, {top:g})\n"
+        "task: armReach(a, arm, 0) >= 0\nway: min(handRoom(a, arm, 30 deg, 0), 1 cm) >= 0"
+    )
+    for top in (0.01, 0.06):
+        places[:, 2] = top
+        spec = check_text(text.format(top=top))
+        turned = np.stack([-places[:, 1], places[:, 0]]), headings + math.pi / 2.0
+        rows = [*np.repeat([[0.0], [0.0], [math.pi / 2.0]], count, axis=1), *turned[0], turned[1] % (2.0 * math.pi)]
+        found = phi(spec.core, rows, NUMPY)
+        np.testing.assert_allclose(found["task"], rooms(arm, places), atol=1e-9)
+        known = np.minimum(rooms(arm, places, headings + math.pi / 6.0), 0.01)
+        np.testing.assert_allclose(found["way"], known, atol=1e-9)
+        assert (known[rooms(arm, places) >= 0.01] < 0.0).any()  # a heading that is worse than the best
+
+
+@pytest.mark.parametrize("name", ["panda", "so101"])
+def test_an_arm_of_a_file_travels_with_the_spec(tmp_path, name):
+    (tmp_path / "mine.toml").write_bytes(grammar_file(f"arms/{name}.toml").read_bytes())
     text = 'robot a = arm("mine.toml") at (0.5, -0.25, NORTH)\nobject can\ntask: graspable(can, a)'
     spec = check_file(tmp_path / "one.spec", text.encode())
     again = check_text(spec.source)
     assert again.source == spec.source
     rows = list(scenes_of(spec, 5, 50))
-    for one in (again, check_text(text.replace('arm("mine.toml")', "panda"))):
+    for one in (again, check_text(text.replace('arm("mine.toml")', name))):
         np.testing.assert_array_equal(phi(one.core, rows, NUMPY)["task"], phi(spec.core, rows, NUMPY)["task"])
 
 
@@ -218,3 +245,16 @@ def test_files_of_arms():
         with pytest.raises(ArmError) as caught:
             read_arm(re.sub(rf"(?m)^{name} = \[[^\]]*", f"{name} = [-166, 166", good).encode())
         assert f"to 10 {unit}" in str(caught.value.reasons)
+    leaning = grammar_file("arms/so101.toml").read_text()
+    head, _, behind = leaning.partition("[behind]")
+    for broken, reason in (
+        (head + "[behind]" + behind.replace("turn = ", "turns = "), "it has no field `behind.turns`"),
+        (head + "[behind]" + behind.replace("bearing = [", "bearing = [9, "), "`behind.bearing` must be a list of 2"),
+        (head + "[behind]" + behind.replace("nearest = [", "nearest = [0.1, "), "`behind.heights`, `nearest`"),
+        (head + 'behind = "here"', "it has no field `hand.behind`"),
+        (head.replace("offset = [", "offset = [1, "), "`offset` must be a list of 2 numbers"),
+        (head.replace("turn = [", "turn = [3, -3] # ["), "`turn` must be the lower limit, then the upper one"),
+    ):
+        with pytest.raises(ArmError) as caught:
+            read_arm(broken.encode())
+        assert reason in caught.value.reasons[0], caught.value.reasons

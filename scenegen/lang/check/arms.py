@@ -7,7 +7,8 @@ pick; sizes of the hand are constants, so at each yaw its fingers and palm are p
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from scenegen.errors import Diagnostic, Source, SpecError
@@ -39,14 +40,28 @@ from scenegen.lang.check.values import (
 from scenegen.lang.spec import Support
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.printer import print_expr
-from scenegen.pose import PLACE, THETA
+from scenegen.pose import PLACE, THETA, TWO_PI
 from scenegen.things import Shape
-from scenegen.things.arms import LARGEST_ARM, Arm, ArmError, make_arm, read_arm, shipped_arm, shipped_arms
+from scenegen.things.arms import (
+    ALL_ROUND,
+    LARGEST_ARM,
+    Arm,
+    ArmError,
+    ReachRing,
+    make_arm,
+    read_arm,
+    shipped_arm,
+    shipped_arms,
+)
 
 if TYPE_CHECKING:
     from scenegen.lang.check.imports import Project
     from scenegen.lang.check.lowering import Lowering
 
+BEHIND = "behind_"  # before the names of what the ring behind the base has, in canonical text
+QUARTERS = 0.0, math.pi, math.pi / 2.0, -math.pi / 2.0  # directions from that away from the base
+HeightCases = Callable[[Callable[[float], float]], int]
+"""A function of the height above the base at which the fingers close -> a number of the core."""
 YAWS = 12  # at which a hand is tried, evenly over half a turn: turned by half a turn it is the same
 
 
@@ -80,18 +95,21 @@ def _base_of(arm: Arm, path: str) -> Shape:
 def _inline_arm(lowering: Lowering, name: str, given: Mapping[str, ast.Expr], source: Source) -> Arm:
     """The arm whose numbers stand beside the name of its file, as in canonical text."""
     lists: dict[str, list[float]] = {}
+    behind: dict[str, list[float]] = {}
     for field, expr in given.items():
         frame = CallFrame(source)
         items = lowering.coerce.items(lowering.evaluate(expr, frame), f"the argument `{field}` of `arm`")
         what = f"a number of `{field}`"
-        lists[field] = [lowering.constant(item, expr, frame, what, BARE, LENGTH, ANGLE) for item in items]
+        found = [lowering.constant(item, expr, frame, what, BARE, LENGTH, ANGLE) for item in items]
+        (behind if field.startswith(BEHIND) else lists)[field.removeprefix(BEHIND)] = found
     base, hand = (lists.pop(table, []) for table in ("base", "hand"))
     if len(hand) == 7:
         sizes = {"opening": hand[0], "finger": hand[1:3], "finger_length": hand[3], "palm": hand[4:]}
     else:
         raise ArmError("`hand` must be a list of 7 numbers")
     named = dict(zip(("width", "depth", "height"), base, strict=False))
-    return make_arm({"name": name, **lists, "base": named, "hand": sizes})
+    tables = {"base": named, "hand": sizes, **({"behind": behind} if behind else {})}
+    return make_arm({"name": name, **lists, **tables})
 
 
 def arm_call(shape: Shape) -> ast.Call:
@@ -99,17 +117,19 @@ def arm_call(shape: Shape) -> ast.Call:
     arm = shape.arm
     assert arm is not None
     base, hand = arm.base, arm.hand
-    lists = {
-        "heights": arm.heights,
-        "nearest": arm.nearest,
-        "farthest": arm.farthest,
-        "bearing": arm.bearing,
+    lists: dict[str, tuple[float, ...]] = {}
+    for prefix, ring in (("", arm.ring), (BEHIND, arm.behind)):
+        if ring is not None:
+            named = {one.name: getattr(ring, one.name) for one in fields(ring)}
+            lists |= {f"{prefix}{name}": each for name, each in named.items() if name != "turn" or each != ALL_ROUND}
+    lists |= {"offset": arm.offset} if any(arm.offset) else {}
+    lists |= {
         "base": (base.width, base.depth, base.height),
         "hand": (hand.opening, *hand.finger, hand.finger_length, *hand.palm),
     }
     path = ast.Argument(None, ast.Text(shape.path))
-    named = (ast.Argument(ast.Name(name), ast.List(tuple(map(_number, each)))) for name, each in lists.items())
-    return ast.Call(ast.Name("arm"), (path, *named))
+    rest = (ast.Argument(ast.Name(name), ast.List(tuple(map(_number, each)))) for name, each in lists.items())
+    return ast.Call(ast.Name("arm"), (path, *rest))
 
 
 def _number(value: float) -> ast.Expr:
@@ -147,6 +167,10 @@ def arm_function(lowering: Lowering, name: str, values: Mapping[str, Value], nod
     yaw = lowering.constant(given, node, frame, "a yaw", BARE, ANGLE)
     lowering.refuse_degrees([given, NumberValue(given.node, ANGLE, origin=given.origin)])
     number = _room_for_hand(lowering, thing.index, base, arm, yaw, depth)
+    if any(arm.offset):
+        at = _height_cases(lowering, thing, base, depth, node, frame)
+        reach_there = _room_at_yaw(lowering, thing.index, base, arm, yaw, at)
+        number = lowering.builder.apply("min", (number, reach_there))
     lowering.hands[thing.index, base, yaw, depth] = number
     shown = f"handRoom({lowering.text(thing)}, {lowering.text(robot)}, {math.degrees(yaw):.4g} deg)"
     if lowering.builder.value(number) is None:
@@ -180,43 +204,100 @@ def _grip(lowering: Lowering, thing: Value, depth: float, supports: Mapping[int,
 def _room_to_reach(
     lowering: Lowering, thing: Value, base: int, arm: Arm, depth: float, node: ast.Call, frame: CallFrame
 ) -> int:
-    """The least of: how far from the nearest and from the farthest place that the hand reaches at this height, and from
-    the limits of the first joint, along the circle around the base."""
-    builder = lowering.builder
+    """How far inside of what the fingertips reach a thing is, the hand turned as is best for that."""
+    at = _height_cases(lowering, thing, base, depth, node, frame)
     place = lowering.coerce.place(thing, "the argument `a` of `armReach`")
-    centre = (*lowering.coerce.place(ObjectValue(base, origin=thing.origin), ""),)
+    rooms = []
+    for ring in arm.rings:
+        ahead, back, left, right = (ring.tip_distance(arm.offset, away) for away in QUARTERS)
+        rooms.append(_room_in_ring(lowering, ring, place, base, at, slack=(back, ahead, min(left, right))))
+    return _most(lowering, rooms)
+
+
+def _height_cases(
+    lowering: Lowering, thing: Value, base: int, depth: float, node: ast.Call, frame: CallFrame
+) -> HeightCases:
+    """What makes a number of how high above the base the fingers close on a thing, whatever stands where."""
     moving = [base, *([thing.index] if isinstance(thing, ObjectValue) else [])]
     moving += [thing.carrier] if isinstance(thing, SurfaceValue) else []
 
     def case_number(of_height: Callable[[float], float]) -> int:
         def number(supports: Mapping[int, Support]) -> int:
-            return builder.const(of_height(_grip(lowering, thing, depth, supports) - height_in(base, supports)))
+            height = _grip(lowering, thing, depth, supports) - height_in(base, supports)
+            return lowering.builder.const(of_height(height))
 
         found = by_cases(lowering, moving, number)
         if found is None:
             raise lowering.error(TOO_MANY_CASES, node, frame, limit=MOST_CASES)
         return found
 
+    return case_number
+
+
+def _room_in_ring(
+    lowering: Lowering,
+    ring: ReachRing,
+    place: Sequence[int],
+    base: int,
+    at: HeightCases,
+    *,
+    slack: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    heading: int | None = None,
+) -> int:
+    """The least of: how far a place is from the nearest and from the farthest that a ring has at this height, and from
+    the limits of its bearing, along the circle around the base, each `slack` metres beyond it; and, of a hand that
+    closes along a `heading`, how far along that circle from where it turns so far."""
+    builder = lowering.builder
+    centre = tuple(lowering.coerce.coordinate(base, axis) for axis in PLACE)
+
     def overrun(height: float) -> float:
         """How far a height is beyond those that the hand reaches, negative; elsewhere what decides nothing."""
-        left = min(height - arm.heights[0], arm.heights[-1] - height)
+        left = min(height - ring.heights[0], ring.heights[-1] - height)
         return left if left < 0.0 else LARGEST_ARM
 
     radius = builder.apply("dist", (*place, *centre))
     parts = [
-        builder.apply("sub", (radius, case_number(lambda height: arm.reach_at(height)[0]))),
-        builder.apply("sub", (case_number(lambda height: arm.reach_at(height)[1]), radius)),
+        builder.apply("sub", (radius, at(lambda height: ring.reach_at(height)[0] - slack[0]))),
+        builder.apply("sub", (at(lambda height: ring.reach_at(height)[1] + slack[1]), radius)),
     ]
-    over = case_number(overrun)
+    over = at(overrun)
     if builder.value(over) != LARGEST_ARM:
         parts.append(over)
-    if not arm.turns_freely:
-        middle, half = (arm.bearing[0] + arm.bearing[1]) / 2.0, (arm.bearing[1] - arm.bearing[0]) / 2.0
-        ahead = builder.apply("add", (lowering.coerce.coordinate(base, THETA), builder.const(middle)))
-        turn = builder.apply("sub", (builder.apply("bearing", (*centre, *place)), ahead))
-        aside = builder.apply("abs", (builder.apply("wrap", (turn,)),))
-        parts.append(builder.apply("mul", (radius, builder.apply("sub", (builder.const(half), aside)))))
+
+    def bearing() -> int:
+        return builder.apply("bearing", (*centre, *place))
+
+    def add_limits(limits: tuple[float, float], turned: int, zero: int, slack: float) -> None:
+        middle, half = (limits[0] + limits[1]) / 2.0, (limits[1] - limits[0]) / 2.0
+        ahead = builder.apply("add", (zero, builder.const(middle)))
+        aside = builder.apply("abs", (builder.apply("wrap", (builder.apply("sub", (turned, ahead)),)),))
+        left = builder.apply("mul", (radius, builder.apply("sub", (builder.const(half), aside))))
+        parts.append(builder.apply("add", (left, builder.const(slack))) if slack else left)
+
+    if not ring.turns_freely:
+        add_limits(ring.bearing, bearing(), lowering.coerce.coordinate(base, THETA), slack[2])
+    if heading is not None and ring.turn[1] - ring.turn[0] < TWO_PI:
+        add_limits(ring.turn, heading, bearing(), 0.0)
     return builder.apply("min", parts)
+
+
+def _room_at_yaw(lowering: Lowering, which: int, base: int, arm: Arm, yaw: float, at: HeightCases) -> int:
+    """How far inside of what it reaches the last axis is where the hand holds a thing at this yaw, either way round."""
+    builder, rooms = lowering.builder, []
+    x, y, theta = pose_of(lowering, which)
+    heading = builder.apply("add", (theta, builder.const(yaw)))
+    toward = builder.apply("add", (heading, builder.const(math.atan2(arm.offset[1], arm.offset[0]))))
+    length = builder.const(math.hypot(*arm.offset))
+    dx, dy = (builder.apply("mul", (length, builder.apply(name, (toward,)))) for name in ("cos", "sin"))
+    for way, turned in (("sub", 0.0), ("add", math.pi)):
+        place = builder.apply(way, (x, dx)), builder.apply(way, (y, dy))
+        along = builder.apply("add", (heading, builder.const(turned))) if turned else heading
+        rooms += [_room_in_ring(lowering, ring, place, base, at, heading=along) for ring in arm.rings]
+    return _most(lowering, rooms)
+
+
+def _most(lowering: Lowering, rooms: Sequence[int]) -> int:
+    return rooms[0] if len(rooms) == 1 else lowering.builder.apply("max", rooms)
 
 
 def _fitting_yaws(footprint: Footprint, arm: Arm) -> list[float]:

@@ -38,6 +38,7 @@ from scenegen.lang.check.values import (
     rectangle,
 )
 from scenegen.lang.syntax import ast
+from scenegen.things.arms import RING_FIELDS
 from scenegen.things.library import COLOR_WORDS, hex_of
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ SIGNATURES = {
     "asset": Signature("asset", ("name", "shape"), 1, usage='asset("025_mug")'),
     "arm": Signature(
         "arm",
-        ("path", "heights", "nearest", "farthest", "bearing", "base", "hand"),
+        ("path", *RING_FIELDS, "offset", *(f"behind_{name}" for name in RING_FIELDS), "base", "hand"),
         1,
         usage='arm("my_arm.toml")',
     ),

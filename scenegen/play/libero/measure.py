@@ -28,6 +28,7 @@ FLAT_SITE = 0.012  # half a site's height: a flat site is a surface, a higher on
 UPRIGHT_COSINE = 0.95  # a site none of whose axes is as upright as this, by the cosine, is on a slope
 RAY_GRID = np.linspace(-0.95, 0.95, 13)  # of rays onto a site, in parts of its half size
 FLOOR_TOLERANCE = 0.006  # metres by which rays onto one floor differ
+DRAWN_GROUP = 1  # of geoms: what pictures show
 DOWNWARDS = (0.0, 0.0, -1.0)
 
 
@@ -186,13 +187,18 @@ class LiveModel:
         quaternion = self.start[address : address + 4]
         return upright(quaternion), float(heading_of(quaternion))
 
-    def points(self, name: str, low: float = math.inf) -> Array:
+    def points(self, name: str, low: float = math.inf, *, drawn: bool = False) -> Array:
         """(n, 3): the corners of a thing's collision shapes, in the frame of its root body; of shapes that begin at
-        most `low` above its lowest point."""
+        most `low` above its lowest point. With `drawn`, also of what pictures show, which can be larger."""
         body = self.things[name]
         origin, turn = self.data.xpos[body], self.data.xmat[body].reshape(3, 3)
         geoms = (geom for geom in range(self.model.ngeom) if self.owner(geom) == name)
-        solid = [geom for geom in geoms if self.model.geom_contype[geom] or self.model.geom_conaffinity[geom]]
+        model, shown = self.model, (DRAWN_GROUP,) if drawn else ()
+        solid = [
+            one
+            for one in geoms
+            if model.geom_contype[one] or model.geom_conaffinity[one] or model.geom_group[one] in shown
+        ]
         found = [(self.corners(geom) - origin) @ turn for geom in solid]
         lowest = min((one[:, 2].min() for one in found), default=0.0)
         near = [one for one in found if one[:, 2].min() - lowest <= low]
@@ -231,13 +237,17 @@ class LiveModel:
         return (math.inf, "") if geom[0] < 0 else (float(far), self.owner(int(geom[0])))
 
     def ground(self, origin: Sequence[float], reach: float = 0.3) -> float:
-        """The height of the ground near a point, by rays past all things."""
+        """The height of the ground near a point, by rays past all things onto shapes that only collide; or else, as
+        LIBERO's floor is, onto those that are drawn, too."""
         x, y, z = origin
         grid, above = np.linspace(-reach, reach, 7), z + 0.08
-        with self.without_movers():
-            found = [self.ray((x + u, y + v, above), DOWNWARDS) for u in grid for v in grid]
-        heights = [above - far for far, owner in found if math.isfinite(far) and not owner]
-        return float(np.median(heights)) if heights else z
+        for groups in ((0,), (DRAWN_GROUP,)):
+            with self.without_movers():
+                found = [self.ray((x + u, y + v, above), DOWNWARDS, groups) for u in grid for v in grid]
+            heights = [above - far for far, owner in found if math.isfinite(far) and not owner]
+            if heights:
+                return float(np.median(heights))
+        return z
 
     def floor(self, site: str, half: Array, fixture: str, joints: Mapping[str, float]) -> Floor:
         """The floor of a fixture at one of its sites, by rays from within it. A site on a slope, or that no ray finds a

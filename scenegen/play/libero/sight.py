@@ -11,11 +11,20 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import UNKNOWN_CHOICE
-from scenegen.play.libero.measure import LiveModel
+from scenegen.play.libero.measure import DRAWN_GROUP, LiveModel
 
 AGENT_VIEW = "agentview"  # LIBERO's camera, from which policies see the table; its pictures are square
-DRAWN_GROUP, ALONE_GROUP = 1, 5  # of geoms: what pictures show; where a thing is put to be looked at by itself
-SIGHT_RAYS = 40  # from side to side of the rectangle around a thing in the picture
+ALONE_GROUP = 5  # of geoms: where a thing is put to be looked at by itself
+LEVEL = 0.01  # the sine of the largest angle by which a level picture may be turned
+PICTURE_PIXELS = 256  # from side to side of the picture whose pixels are counted, by a ray through the middle of each
+MOST_PIXELS = 80  # of them from side to side of a thing; where it has more, every second counts, or fewer
+
+
+def still_cameras(live: LiveModel) -> list[LiveCamera]:
+    """Those that stand still in the world, with level pictures and a name of letters, digits and `_`."""
+    still = [one for one in range(live.model.ncam) if not live.model.cam_bodyid[one] and not live.model.cam_mode[one]]
+    names = [str(live.model.camera(one).name) for one in still]
+    return [one for one in (LiveCamera(live, name) for name in names if name.isidentifier()) if one.is_level]
 
 
 class LiveCamera:
@@ -48,9 +57,11 @@ class LiveCamera:
         own = [one for one in drawn if live.owner(one) == name]
         points = (np.concatenate([live.corners(one) for one in own]) - self.eye) @ self.turn
         slopes = points[:, :2] / -points[:, 2:]
-        (left, bottom), (right, top) = slopes.min(axis=0), slopes.max(axis=0)
-        middles = (np.arange(SIGHT_RAYS) + 0.5) / SIGHT_RAYS
-        across, up = np.meshgrid(left + middles * (right - left), bottom + middles * (top - bottom))
+        pixels = (slopes / edge + 1.0) * PICTURE_PIXELS / 2.0
+        low, high = np.floor(pixels.min(axis=0)).astype(int), np.ceil(pixels.max(axis=0)).astype(int)
+        step = 1 + int((high - low).max()) // MOST_PIXELS
+        columns, rows = (np.arange(low[axis], high[axis], step) + 0.5 for axis in (0, 1))
+        across, up = np.meshgrid(*((2.0 * one / PICTURE_PIXELS - 1.0) * edge for one in (columns, rows)))
         rays = np.stack([across.ravel(), up.ravel(), np.full(across.size, -1.0)], axis=1)
         pictured = (np.abs(rays[:, :2]) <= edge).all(axis=1)
         rays = rays @ self.turn.T
@@ -59,6 +70,12 @@ class LiveCamera:
             groups = DRAWN_GROUP, ALONE_GROUP
             seen = [live.ray(self.eye, ray, groups)[1] == name for ray in rays[alone & pictured]]
         return sum(seen) / max(int(alone.sum()), 1)
+
+    @property
+    def is_level(self) -> bool:
+        """Whether a spec has its picture: the sides are upright, or, where it looks straight down, y is up."""
+        right, up, back = self.turn.T
+        return bool(abs(right[2]) < LEVEL and (up[1] > 1.0 - LEVEL if back[2] > 1.0 - LEVEL else up[2] > 0.0))
 
     @contextmanager
     def _by_itself(self, geoms: Sequence[int]) -> Iterator[None]:

@@ -25,7 +25,8 @@ from scenegen.planning.setting import enclosing
 from scenegen.planning.translation import grow, overlap
 from scenegen.play.frame import TableFrame, heading_of, upright
 from scenegen.play.libero.measure import Floor, JointPart, LiveModel, PrismShape, prism_of
-from scenegen.play.libero.sight import AGENT_VIEW, LiveCamera
+from scenegen.play.libero.robots import robot_statements
+from scenegen.play.libero.sight import AGENT_VIEW, LiveCamera, still_cameras
 
 Fact: TypeAlias = tuple[str, ...]  # a predicate and names
 Origin: TypeAlias = tuple[float, float, float]
@@ -69,12 +70,13 @@ class EnvironmentSpec:
 def spec_of(env: Any, more: str = "", *, anywhere: bool = True, sight: bool = False) -> EnvironmentSpec:
     """The spec of an environment of LIBERO or robosuite, which has been reset.
 
-    LIBERO's has its camera `agentview`, the labels `goal` and, where the goal moves something, `start`; with `sight`
-    also `visible`, whose phi is the share of what the goal moves that the camera sees, the least of several. `more` are
-    statements to add, such as the labels of a task of robosuite's. The goal holds wherever LIBERO's resets put the
-    fixtures, unless `anywhere` is false: then it is that of the scene as it is now, for `set_scene`. Raises
-    RequestError for a goal of LIBERO's that has no form here, and for `sight` where it moves nothing; SpecError for
-    statements that do not check.
+    It has the robot, `arm`, where its base stands. LIBERO's has its camera `agentview`, robosuite's those that stand
+    still and whose pictures are level, all square. LIBERO's has the labels `goal` and, where the goal moves something,
+    `start`; with `sight` also `visible`, whose phi is the share of what the goal moves that the camera sees, the least
+    of several, and its things are as large as they are drawn. `more` are statements to add, such as the labels of a
+    task of robosuite's. The goal holds wherever LIBERO's resets put the fixtures, unless `anywhere` is false: then it
+    is that of the scene as it is now, for `set_scene`. Raises RequestError for a goal of LIBERO's that has no form
+    here, and for `sight` where it moves nothing; SpecError for statements that do not check.
     """
     live = LiveModel(env)
     task = hasattr(live.env, "parsed_problem")
@@ -83,7 +85,7 @@ def spec_of(env: Any, more: str = "", *, anywhere: bool = True, sight: bool = Fa
     origin = x, y, live.ground((x, y, z))
     names = [one.name for part in samplers for one in part.mujoco_objects if one.name in live.movers]
     stand = {name: live.attitude(name) for name in (live.movers if task else names)}
-    prisms = {name: prism_of(live.points(name), attitude) for name, (attitude, _) in stand.items()}
+    prisms = {name: prism_of(live.points(name, drawn=sight), attitude) for name, (attitude, _) in stand.items()}
     maker = _Task(live, origin, prisms, {name: heading for name, (_, heading) in stand.items()}, anywhere)
     text = maker.text() if task else _plain(live, origin, prisms, samplers)
     text += "".join(f"\n{one.strip()}\n" for one in (maker.sight() if sight else "", more) if one)
@@ -124,6 +126,8 @@ def _plain(live: LiveModel, origin: Origin, prisms: Prisms, samplers: Sequence[A
         (left, right), (bottom, top) = one.x_range, one.y_range
         boxes.append((x + left, y + bottom, x + right, y + top))
     lines = [f"# {type(live.env).__name__}, as it is now; metres", _workspace(enclosing(boxes)), ""]
+    lines += [camera.statement(origin) for camera in still_cameras(live)]
+    lines += ["", *robot_statements(live, origin, prisms), ""]
     lines += [f"object {name} = {prism.text()}" for name, prism in prisms.items()]
     return "\n".join([*lines, "require noOverlap()", ""])
 
@@ -355,6 +359,7 @@ class _Task:
             *(f"region {name} = {_rect(one)}" for name, one in self.zones.items() if name in used),
             *(*self.regions, ""),
             *(LiveCamera(self.live).statement(self.origin), ""),
+            *(*robot_statements(self.live, self.origin, [*fixtures, *self.prisms]), ""),
             *(f"object {name} = {text}" for name, (text, _) in fixtures.items()),
         ]
         for name, prism in self.prisms.items():

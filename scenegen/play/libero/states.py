@@ -35,7 +35,6 @@ STEPS_BETWEEN_LOOKS = 50  # steps of the simulation from one look at the things 
 REST_DISTANCES = 1e-5, 1e-3  # metres: what moves less from look to look is at rest; what moves more at the end is not
 MISS = -0.001  # phi of starts that miss, at most
 SEEN = "visible"  # the label of the share that LIBERO's camera sees
-SHARE_TOLERANCE = 0.01  # by which that share, by rays, may be out of its range
 LEAST, TRIES = 174, 10  # scenes that are drawn at most: if none of them is good, and for each state
 DRAW_TIMEOUT, SIGHT_TIMEOUT = 60.0, 300.0  # seconds of a draw, and of one at a range of `visible`
 UPRIGHT_DRAWS = 6  # draws without a success, after which what the goal has in a fixture is tried in other attitudes
@@ -97,13 +96,13 @@ def init_states(
 
     `phi` is a range as `scenegen.sample` takes it; without one of `goal`, starts miss it. Starts that miss are as the
     initial facts have them, unless a range of `start` is given, or one of `visible`: the share of what the goal moves
-    that LIBERO's camera `agentview` sees (see `spec_of`), which a state has by what is drawn there, to 0.01. Things
-    settle for `settle` seconds at most, while the arm is held. A state is kept if `accept`, by default the
-    environment's `check_success`, agrees with the sign of phi, at once and after 20 steps of the environment's own, if
-    nothing moves or touches the robot, and if the initial facts hold, to 1 cm; without those of what the goal moves
-    where phi of `start` may be below 0. `spec` is what `spec_of` made of the environment since its last reset; it is
-    made where none is given. It needs a label `goal`. At most ten scenes for each state are drawn, and 174 in vain:
-    there can be fewer states than n. The same seed gives the same states.
+    that LIBERO's camera `agentview` sees (see `spec_of`), which a state has by what is drawn there. Things settle for
+    `settle` seconds at most, while the arm is held. A state is kept if `accept`, by default the environment's
+    `check_success`, agrees with the sign of phi, at once and after 20 steps of the environment's own, if nothing moves
+    or touches the robot, and if the initial facts hold, to 1 cm; without those of what the goal moves where phi of
+    `start` may be below 0. `spec` is what `spec_of` made of the environment since its last reset; it is made where none
+    is given. It needs a label `goal`. At most ten scenes for each state are drawn, and 174 in vain: there can be fewer
+    states than n. The same seed gives the same states.
 
     Raises RequestError, also where no scene has such a phi.
     """
@@ -248,7 +247,7 @@ class _Maker:
         if self.judge() != solved:
             return _Verdict(f"phi is {'>= 0, but not solved' if solved else '< 0, but solved'}", False)
         low, high = self.seen.ends if self.seen else (-math.inf, math.inf)
-        if not min(low, 1.0) - SHARE_TOLERANCE <= read.get(SEEN, 0.0) <= high + SHARE_TOLERANCE:
+        if self.seen and not min(low, 1.0) <= read[SEEN] <= high:
             return _Verdict("another share is visible in LIBERO's camera", True)
         if solved != wanted:
             return _Verdict(f"{'solves' if solved else 'loses'} the goal while it settles", True)

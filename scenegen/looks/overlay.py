@@ -14,8 +14,9 @@ from scenegen.things.arms import Arm
 
 @dataclass(frozen=True, slots=True)
 class Ring:
-    """Where an arm's fingertips get to, in its frame: from `nearest` to `farthest` metres from the first axis, at the
-    bearings between these two, in radians; None: at all."""
+    """Where an arm's fingertips get to, in its frame, the hand turned as is best for that: from `nearest` to `farthest`
+    metres from the first axis, at the bearings between these two, in radians; None: at all. Where an arm leans back
+    over its base is left out."""
 
     nearest: float
     farthest: float
@@ -24,8 +25,10 @@ class Ring:
 
 def ring_of(arm: Arm, foot: float = 0.0) -> Ring:
     """The ring at the table, or as near to that as the hand gets, of an arm that stands `foot` metres above it."""
-    height = min(max(-foot, arm.heights[0]), arm.heights[-1])
-    return Ring(*arm.reach_at(height), None if arm.turns_freely else arm.bearing)
+    ring = arm.ring
+    nearest, farthest = ring.reach_at(-foot)  # beyond the heights that the hand gets to, that of the nearest of these
+    ahead, back = (ring.tip_distance(arm.offset, away) for away in (0.0, math.pi))
+    return Ring(max(nearest - back, 0.0), farthest + ahead, None if ring.turns_freely else ring.bearing)
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,8 +70,9 @@ def test_eyes_are_shown_where_they_are_or_at_the_border():
 @pytest.mark.parametrize("name", ["panda", "ur5e", "so101"])
 def test_rings_are_those_at_the_table(name):
     arm = shipped_arm(name)
-    on_table, on_board = ring_of(arm), ring_of(arm, 0.1)
-    assert (on_table.nearest, on_table.farthest) == arm.reach_at(0.0)
-    assert (on_board.nearest, on_board.farthest) == arm.reach_at(-0.1)
-    assert ring_of(arm, 5.0) == ring_of(arm, -arm.heights[0])  # the lowest height that it reaches
-    assert on_table.bearing == (None if arm.turns_freely else arm.bearing)
+    ring, tip = arm.ring, math.hypot(*arm.offset)
+    for foot in (0.0, 0.1):
+        found, (near, far) = ring_of(arm, foot), ring.reach_at(-foot)
+        assert near - tip - 1e-9 <= found.nearest <= near and far <= found.farthest <= far + tip + 1e-9
+    assert ring_of(arm, 5.0) == ring_of(arm, -ring.heights[0])  # the lowest height that it reaches
+    assert ring_of(arm).bearing == (None if ring.turns_freely else ring.bearing)

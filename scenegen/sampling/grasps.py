@@ -36,16 +36,24 @@ class PairGrasp:
     cores: Mapping[int, Core]
     wanted: Range
 
+    def margins(self, thing: int, start: Array, goal: Array) -> Array:
+        """Of pairs of scenes (3N, n) the margin of a grasp of a thing at each yaw, at both ends: (YAWS, n), metres."""
+        found = np.full((YAWS, start.shape[1]), np.inf)
+        for end in (start, goal):
+            for at_yaw, margin in zip(found, phi(self.cores[thing], list(end), NUMPY).values(), strict=True):
+                np.minimum(at_yaw, margin, out=at_yaw)
+        return found
+
     def grasps(self, start: Array, goal: Array) -> Array:
         """Of pairs of scenes (3N, n) the margin of the grasp in metres, and of each thing its yaw in radians, NaN where
         it is not moved, (1 + N, n). Where several things are moved, the margin is the least of theirs."""
         found = np.full((1 + object_count(len(start)), start.shape[1]), np.nan)
         found[0] = np.inf
-        for thing, core in self.cores.items():
+        for thing in self.cores:
             rows = span_of(thing)
             moved = np.flatnonzero((start[rows] != goal[rows]).any(axis=0))
-            margins = np.minimum(*(_margins(core, end[:, moved]) for end in (start, goal)))
-            found[0, moved] = np.minimum(found[0, moved], margins.max(axis=0, initial=-np.inf))
+            margins = self.margins(thing, start[:, moved], goal[:, moved])
+            found[0, moved] = np.minimum(found[0, moved], margins.max(axis=0))
             found[1 + thing, moved] = margins.argmax(axis=0) * math.pi / YAWS
         return found
 
@@ -54,11 +62,6 @@ class PairGrasp:
         low, high = self.wanted.ends
         good: Bool = (grasps[0] >= low) & (grasps[0] <= high)
         return good
-
-
-def _margins(core: Core, rows: Array) -> Array:
-    """(YAWS, n)."""
-    return np.stack([np.broadcast_to(one, rows.shape[1]) for one in phi(core, list(rows), NUMPY).values()])
 
 
 def robots_of(spec: CheckedSpec) -> tuple[str, ...]:

@@ -17,12 +17,22 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "policies"
 STEADY, SHAKY = 0.003, 0.015
 
 
-def scripted(env: Any, error: float) -> Any:
-    return load_named("policy", f"{EXAMPLES / 'scripted.py'}:Scripted")(env, see=error, put=error)
+def scripted(env: Any, error: float, follow: bool = True) -> Any:
+    return load_named("policy", f"{EXAMPLES / 'scripted.py'}:Scripted")(env, see=error, put=error, follow=follow)
 
 
 def steady(env: Any) -> Any:
     return scripted(env, STEADY)
+
+
+def planning(env: Any) -> Any:
+    """The same hand, which plans goal and grasp itself where the start comes with them."""
+    return scripted(env, STEADY, follow=False)
+
+
+def exact(env: Any) -> Any:
+    """Without errors of eye and hand."""
+    return scripted(env, 0.0)
 
 
 def shaky(env: Any) -> Any:

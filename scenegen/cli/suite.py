@@ -42,6 +42,7 @@ SUITE_OPTIONS = {  # of each action: those that must be given, and the others
             "grid",
             "headings",
             "grasp",
+            "goal",
             "timeout",
             "workers",
         ),
@@ -97,6 +98,7 @@ def suite(
         " 0: or as given.",
         "ROBOT[=LO:HI]",
     ),
+    goal: str | None = option("new: with --grasp, phi of success at these goals; default: 0:.", "LO:HI"),
     world: str | None = option(
         "run, envhub: table, libero, hand: (a person; hand:FOLDER looks at pictures), or a function of a task that"
         " makes its environment.",
@@ -153,17 +155,20 @@ def _new(
     grid: float = 0.0,
     headings: float = 0.0,
     grasp: str | None = None,
+    goal: str | None = None,
     **given: Any,
 ) -> None:
     from scenegen.play.suites.forgiving import Placing
     from scenegen.play.suites.new import new_suite
     from scenegen.sampling.grasps import parse_grasp
+    from scenegen.sampling.request import parse_phi
     from scenegen.scenes.files import is_stream
 
     paths = [find_spec(Path(one)) for one in specs]
     names = names_of([Path("stdin") if is_stream(path) else path for path in paths])
     given |= {"timeout": time_left(given.get("timeout", 600.0)), "placing": Placing(tolerance, grid, headings)}
     given |= {} if grasp is None else {"grasp": parse_grasp(grasp)}
+    given |= {} if goal is None else {"goal": parse_phi([goal], ["goal"], "goal")["goal"]}
     with progress_bar() as bar:
         task = bar.add_task("tasks", total=None)
 

@@ -29,6 +29,7 @@ from scenegen.sampling.streams import PAIRS_STREAM
 from scenegen.search.effort import Budget
 
 STARTS_PER_GOAL = 4096  # starts that are tried for a goal before it is given up
+MOST_IN_VAIN = 64  # goals one after the other without a start, after which no more are drawn
 STARTS_PER_PAIR = 64  # starts for a pair at most, where the start is anything but the goal
 
 
@@ -107,6 +108,7 @@ def _rounds(
     """Starts and goals; goals without a start are replaced by others. Returns how many there were, and why there are
     too few."""
     wanted, pairs, count, given_up, reason = goal.request.n, list[tuple[Array, Array]](), 0, 0, ""
+    in_vain = 0
     while True:
         request = goal.request
         if given_up:
@@ -117,7 +119,8 @@ def _rounds(
         start, kept, reason = _start_elsewhere(starts, found.rows, free, moved, budget, rng)
         pairs.append((start, found.rows[:, kept]))
         count, given_up = count + len(kept), given_up + found.count - len(kept)
-        if count == wanted or budget.is_spent or not len(kept):
+        in_vain = 0 if len(kept) else in_vain + found.count
+        if count == wanted or budget.is_spent or in_vain >= MOST_IN_VAIN:
             break
     begins, ends = (np.concatenate(parts, axis=1) for parts in zip(*pairs, strict=True))
     return begins, ends, given_up, reason

@@ -30,6 +30,7 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import (
     CONFLICTING_ARGUMENTS,
     CUT_SHORT,
+    MISSING_ARGUMENT,
     NO_TIME_TO_CHECK,
     OUT_OF_PLACE,
     OUT_OF_RANGE,
@@ -52,7 +53,7 @@ from scenegen.play.suites.suite import (
 )
 from scenegen.pose import as_poses
 from scenegen.sampling.engine.engines import JobResult, run_each
-from scenegen.sampling.grasps import pair_grasp
+from scenegen.sampling.grasps import FITS, pair_grasp
 from scenegen.sampling.pairs import PairStarts, draw_pairs
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import MAX_SEED, Ends, Range, SampleRequest
@@ -104,6 +105,7 @@ def new_suite(
     start: str | None = None,
     placing: Placing = EXACT_PLACING,
     grasp: str | Mapping[str, Ends | Range] | None = None,
+    goal: Range = FITS,
     timeout: float = 600.0,
     workers: int | None = None,
     told: Told = lambda ended, done, count: None,
@@ -115,15 +117,19 @@ def new_suite(
     `start`. The first line of a spec's opening comment is the instruction; with a label of starts and a comment
     `# reverse: ...` there is a reversed task, too. `placing` says how starts are set by hand: on which grid, and which
     errors they forgive. `grasp`, as of `scenegen.pairs`, leaves the starts from which one thing can be moved to where
-    the label holds, with one grasp; the suite has these goals and grasps. `timeout` seconds are for all of them. The
-    bytes follow from the specs and these arguments, not from `workers`. Raises RequestError, SpecError, DataError and
-    OutputError.
+    phi of the label is in the range `goal`, with one grasp; the suite has these goals and grasps. `timeout` seconds are
+    for all of them. The bytes follow from the specs and these arguments, not from `workers`. Raises RequestError,
+    SpecError, DataError and OutputError.
     """
     out = as_path("out", out)
     hold = None if grasp is None else read_grasp(grasp)
     if hold is not None and placing != EXACT_PLACING:
         reason = "whether a grasp forgives errors of placing is not proved"
         raise RequestError(CONFLICTING_ARGUMENTS(one="grasp", other=placing.argument, reason=reason))
+    if hold is None and goal != FITS:
+        raise RequestError(MISSING_ARGUMENT(argument="grasp", question="which robot takes things to these goals?"))
+    if goal.low is None or goal.low < 0.0:
+        raise RequestError(OUT_OF_RANGE(argument="goal", value=str(goal), wanted="0 or more, where the label holds"))
     ranges: Mapping[str, Range] = bands if isinstance(bands, Mapping) else {}
     n, seed, count = as_int("n", n), as_int("seed", seed), len(ranges) or as_int("bands", bands)
     bands = ranges or count
@@ -147,7 +153,7 @@ def new_suite(
     if not log10p:
         plans = [replace(one, bands=count) if one.back else one for one in plans]
     refuse_existing(*(out / file for file in files))
-    job = _MakeTask(log10p, n, seed, placing, hold, Budget(as_seconds("timeout", timeout)))
+    job = _MakeTask(log10p, n, seed, placing, hold, goal, Budget(as_seconds("timeout", timeout)))
     jobs = [(plan.file.removesuffix(".json"), plan) for plan in plans]
     ways: tuple[list[TaskData], list[TaskData]] = ([], [])
     with whole_files(out) as put:
@@ -206,6 +212,7 @@ class _MakeTask:
     seed: int
     placing: Placing
     grasp: tuple[str, Range] | None
+    goal: Range
     budget: Budget
 
     def __call__(self, plan: TaskPlan) -> tuple[TaskData, bytes]:
@@ -286,7 +293,7 @@ class _MakeTask:
             timeout=self.budget.seconds_left, workers=1,
         )  # fmt: skip
         begin, after = make_problem(spec.checked, request, self.budget), goal_spec(spec).checked
-        ends = make_problem(after, replace(request, phi={plan.success: Range(0.0)}), self.budget)
+        ends = make_problem(after, replace(request, phi={plan.success: self.goal}), self.budget)
         made = draw_pairs(begin, PairStarts(ends, grasp=pair_grasp(after, *by)), MOVED_THINGS, self.budget)
         assert made.grasps is not None
         if made.shortfall is not None:
@@ -310,7 +317,7 @@ class _MakeTask:
         request = RequestData(phi={}, n=self.n * len(bands), spread="base")
         sampler = {"method": "suite", "seed": self.seed, "bands": {one.name: list(one.phi) for one in bands}}
         sampler |= {} if self.placing == EXACT_PLACING else {"placing": str(self.placing)}
-        sampler |= {} if self.grasp is None else {"grasp": "{}={}".format(*self.grasp)}
+        sampler |= {} if self.grasp is None else {"grasp": "{}={}".format(*self.grasp), "goal": str(self.goal)}
         header = make_header(spec.checked, sampler, request)
         poses = np.concatenate([part.poses for part in parts])
         scenes = SceneSet(poses, phi, header, on=np.concatenate(on) if on else None, trusted=True)

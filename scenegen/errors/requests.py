@@ -379,7 +379,7 @@ CANNOT_MOVE_SO_MANY = Kind(
 )
 NO_ROBOT = Kind(
     "no-robot",
-    ("{known:?}`{name}` is no robot of the spec", "the spec has no robot that grasps"),
+    ("{known:?}`{name}` is no robot of the spec", "the spec has no robot"),
     help=(NEAREST, "its robots: {known:quoted}", "write `robot arm = panda at (0.5, -0.25, NORTH)`"),
 )
 NOTHING_TO_GRASP = Kind(

@@ -75,9 +75,9 @@ def parse_grasp(text: str) -> dict[str, Range]:
     return parse_phi([text], [name.strip()], "grasp") if equals else {text: FITS}
 
 
-def pair_grasp(spec: CheckedSpec, robot: str, wanted: Range) -> PairGrasp:
-    """The grasps of what can be moved; robots stay where they are. Raises RequestError for a name that is no robot's,
-    and where nothing can be moved."""
+def movable_things(spec: CheckedSpec, robot: str) -> list[int]:
+    """The places of what can be moved, robots apart, in a spec with this robot. Raises RequestError for a name that is
+    no robot's, and where nothing can be moved."""
     robots = robots_of(spec)
     if robot not in robots:
         raise RequestError(NO_ROBOT(name=robot, known=robots))
@@ -89,6 +89,12 @@ def pair_grasp(spec: CheckedSpec, robot: str, wanted: Range) -> PairGrasp:
     ]
     if not things:
         raise RequestError(NOTHING_TO_GRASP())
+    return things
+
+
+def pair_grasp(spec: CheckedSpec, robot: str, wanted: Range) -> PairGrasp:
+    """The grasps of what can be moved; robots stay where they are. Raises RequestError as `movable_things` does."""
+    things = movable_things(spec, robot)
     labels = {which: [f"{_free_name(spec.source)}{which}_{k}" for k in range(YAWS)] for which in things}
     lines = [spec.source]
     for which, names in labels.items():

@@ -30,7 +30,6 @@ from scenegen.errors import RequestError
 from scenegen.errors.requests import (
     CONFLICTING_ARGUMENTS,
     CUT_SHORT,
-    MISSING_ARGUMENT,
     NO_TIME_TO_CHECK,
     OUT_OF_PLACE,
     OUT_OF_RANGE,
@@ -53,7 +52,7 @@ from scenegen.play.suites.suite import (
 )
 from scenegen.pose import as_poses
 from scenegen.sampling.engine.engines import JobResult, run_each
-from scenegen.sampling.grasps import FITS, pair_grasp
+from scenegen.sampling.grasps import FITS, movable_things, pair_grasp
 from scenegen.sampling.pairs import PairStarts, draw_pairs
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.request import MAX_SEED, Ends, Range, SampleRequest
@@ -127,7 +126,8 @@ def new_suite(
         reason = "whether a grasp forgives errors of placing is not proved"
         raise RequestError(CONFLICTING_ARGUMENTS(one="grasp", other=placing.argument, reason=reason))
     if hold is None and goal != FITS:
-        raise RequestError(MISSING_ARGUMENT(argument="grasp", question="which robot takes things to these goals?"))
+        rule, remedy = "is of goals to which a grasp leads", "say which robot grasps, too"
+        raise RequestError(OUT_OF_PLACE(argument="goal", rule=rule, remedy=remedy))
     if goal.low is None or goal.low < 0.0:
         raise RequestError(OUT_OF_RANGE(argument="goal", value=str(goal), wanted="0 or more, where the label holds"))
     ranges: Mapping[str, Range] = bands if isinstance(bands, Mapping) else {}
@@ -145,7 +145,7 @@ def new_suite(
     if both := overlapping((name, *one.ends) for name, one in ranges.items()):
         rule, remedy = "overlap: starts in both would count twice", "let one end where the other begins"
         raise RequestError(OUT_OF_PLACE(option="the bands `{}` and `{}`".format(*both), rule=rule, remedy=remedy))
-    plans = [one for name, path in specs for one in _tasks(name, path, success, start, bands)]
+    plans = [one for name, path in specs for one in _tasks(name, path, success, start, bands, hold)]
     files = [SUITE_JSON, *(plan.file for plan in plans)]
     for twice in [file for file in files if files.count(file) > 1][:1]:
         rule = "would be two files of the suite: a task of this name cannot be in it"
@@ -172,11 +172,16 @@ def new_suite(
     return SuiteFile.model_validate_json(manifest.dump())
 
 
-def _tasks(name: str, path: Path, success: str | None, start: str | None, bands: Bands) -> list[TaskPlan]:
-    """The task of a spec file, and the reversed one if it has one. Raises RequestError for labels that it lacks."""
+def _tasks(
+    name: str, path: Path, success: str | None, start: str | None, bands: Bands, hold: tuple[str, Range] | None
+) -> list[TaskPlan]:
+    """The task of a spec file, and the reversed one if it has one. Raises RequestError for labels that it lacks, and
+    for a robot that it lacks, or that has nothing to grasp."""
     file, data = read_spec(path)
     spec = Spec(check_file(file, data, None))
     source = spec.checked.source
+    if hold is not None:
+        movable_things(spec.checked, hold[0])
     for label in (success, start):
         if label is not None and label not in spec.labels:
             raise RequestError(UNKNOWN_LABEL(name=label, known=spec.labels))

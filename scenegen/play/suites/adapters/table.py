@@ -84,7 +84,10 @@ def solids_of(spec: Spec) -> dict[str, list[float]]:
         else:
             wanted = "a box or a cylinder: other shapes are not in this world"
             raise RequestError(WRONG_VALUE(argument=name, value=f"of the shape `{shape.asset}`", wanted=wanted))
-    mounts = {one.name for which, one in spec.checked.supports.items() if spec.objects[which] in robots}
+    stands = [(spec.objects[which], one.name) for which, one in spec.checked.supports.items()]
+    stands += [(spec.objects[which], one.name) for which, some in spec.checked.choices.items() for one in some.options]
+    used = {surface for name, surface in stands if name not in robots}
+    mounts = {surface for name, surface in stands if name in robots} - used
     for board in (one for one in spec.checked.regions if one.height and one.name not in mounts):
         raise RequestError(WRONG_VALUE(argument=board.name, value="a board", wanted="no height: there are none here"))
     return found

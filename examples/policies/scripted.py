@@ -4,7 +4,8 @@
 
 It sees the poses of all objects and knows the spec. What it does not know: its eye is off by `see` metres when it
 grasps, and its hand by `put` metres when it lets go (standard deviations, drawn anew for each thing). Where the start
-comes with a goal and a grasp (`scenegen suite new --grasp`), it takes these, unless `follow` is false.
+comes with a goal and a grasp (`scenegen suite new --grasp`), it takes these, unless `follow` is false. It gives up
+getting above a place after `steps` actions, and goes on from where it is.
 """
 
 import math
@@ -33,8 +34,8 @@ ROOM = 0.01  # metres around the hand that are enough
 class Scripted:
     """One for each world, which has `task` (spec and success label); made anew for each task."""
 
-    def __init__(self, env: Any, see: float = 0.003, put: float = 0.003, follow: bool = True) -> None:
-        self.label, self.see, self.put, self.follow = env.task.success, see, put, follow
+    def __init__(self, env: Any, see: float = 0.003, put: float = 0.003, follow: bool = True, steps: int = 25) -> None:
+        self.label, self.see, self.put, self.follow, self.steps = env.task.success, see, put, follow, steps
         self.spec = without_start(env.task.spec, self.label)
         self.shapes = self.spec.checked.shapes
 
@@ -82,12 +83,12 @@ class Scripted:
         off = self.random.normal(0.0, self.see, 2)
         turn, after = self.grasp(which, goal, grip)
         at = np.array([x + off[0], y + off[1]])
-        yield from self.move([*at, self.level], turn, OPEN, near=0.03)
+        yield from self.move([*at, self.level], turn, OPEN, near=0.03, steps=self.steps)
         yield from self.move([*at, grip], turn, OPEN)
         yield from self.hold([*at, grip], turn, CLOSED, lambda before, now, _: now > before - 5e-4)
         yield from self.move([*at, self.level], turn, CLOSED, near=0.03)
         at = goal[:2] + self.random.normal(0.0, self.put, 2)
-        yield from self.move([*at, self.level], after, CLOSED, near=0.01)
+        yield from self.move([*at, self.level], after, CLOSED, near=0.01, steps=self.steps)
         drop = grip + goal[3] - low + 0.003
         yield from self.move([*at, drop], after, CLOSED)
         yield from self.hold([*at, drop], after, OPEN, lambda _, now, first: now > first + 0.01)

@@ -2,10 +2,11 @@
 
     python -m experiments.success.noise SUITE OUTCOMES.jsonl AGAIN.jsonl ...
 
-`noise` is the mean of p (1 - p), by how often two runs of a start end differently, over that of a policy which succeeds
-as often at every start: the share of the variance that is not of the start. `AUC of another run` is how well the mean
-of the other runs tells success: what a start decides can be told at least so well. `ceiling` is the AUC of p itself if p
-were distributed over starts by Beta with this mean and this noise. Intervals are 95 %, of a bootstrap over starts.
+`noise` is the mean of p (1 - p), by how often two runs of a start end differently, over that of a policy which
+succeeds as often at every start: the share of the variance that is not of the start. `AUC of another run` is how well
+the mean of the other runs tells success: what a start decides can be told at least so well. `ceiling` is the AUC of p
+itself if p were distributed over starts by Beta with this mean and this noise. Intervals are 95 %, of a bootstrap over
+starts.
 """
 
 from __future__ import annotations
@@ -42,8 +43,9 @@ def main(folder: str, *paths: str) -> None:
 
 
 def measures(success: Array) -> tuple[float, float, float, float]:
-    """Of R runs of n starts (R, n): success, noise, the AUC of another run, and the ceiling; NaN where all are alike."""
-    runs, count = success.shape
+    """Of R runs of n starts (R, n): success, noise, the AUC of another run, and the ceiling; NaN where all ended
+    alike."""
+    runs = len(success)
     mean = float(success.mean())
     if mean in (0.0, 1.0):
         return mean, np.nan, np.nan, np.nan

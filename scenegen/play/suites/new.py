@@ -312,7 +312,7 @@ class _MakeTask:
         grasps = []
         for to, (margin, *yaws) in zip(goal.tolist(), made.grasps.T[order].tolist(), strict=True):
             yaw = {name: one for name, one in zip(spec.objects, yaws, strict=True) if not math.isnan(one)}
-            ends_at = {name: tuple(one) for name, one in zip(spec.objects, to, strict=True) if name in yaw}
+            ends_at = {name: (x, y, turn) for name, (x, y, turn) in zip(spec.objects, to, strict=True) if name in yaw}
             grasps.append(GraspData(margin=margin, yaw=yaw, goal=ends_at))
         return spec.scenes(start), grasps
 

@@ -37,7 +37,7 @@ class Scripted:
     def __init__(self, env: Any, see: float = 0.003, put: float = 0.003, follow: bool = True, steps: int = 25) -> None:
         self.label, self.see, self.put, self.follow, self.steps = env.task.success, see, put, follow, steps
         self.spec = without_start(env.task.spec, self.label)
-        self.shapes = self.spec.checked.shapes
+        self.shapes, self.yaws = self.spec.checked.shapes, None  # of the grasps that came with the start
 
     def reset(self, seed: int) -> None:
         self.random = np.random.default_rng([seed, 1])

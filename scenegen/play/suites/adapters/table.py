@@ -104,10 +104,8 @@ def _check_robots(spec: Spec, frame: TableFrame, env: Any) -> None:
             continue
         here = *spec.checked.fixed.get(which, (math.inf,) * 3), heights[which]
         if shape.arm.name != "panda" or not np.allclose(np.array(here, dtype=np.float64), own, atol=ROBOT_TOLERANCE):
-            x, y, turn, z = own
-            wanted = (
-                f"the place of this world's panda: at ({x:.3g}, {y:.3g}, {math.degrees(turn):.3g} deg), {z:.3g} m high"
-            )
+            x, y, z = (round(one, 3) + 0.0 for one in (own[0], own[1], own[3]))
+            wanted = f"the place of this world's panda: at ({x:g}, {y:g}, {math.degrees(own[2]):.3g} deg), {z:g} m high"
             raise RequestError(
                 WRONG_VALUE(argument=spec.objects[which], value="another robot, or elsewhere", wanted=wanted)
             )

@@ -3,7 +3,9 @@
     scenegen suite run SUITE --policy examples/policies/scripted.py:Scripted --world ...
 
 It sees the poses of all objects and knows the spec. What it does not know: its eye is off by `see` metres when it
-grasps, and its hand by `put` metres when it lets go (standard deviations, drawn anew for each thing).
+grasps, and its hand by `put` metres when it lets go (standard deviations, drawn anew for each thing). Where the start
+comes with a goal and a grasp (`scenegen suite new --grasp`), it takes these, unless `follow` is false. It gives up
+getting above a place after `steps` actions, and goes on from where it is.
 """
 
 import math
@@ -32,14 +34,14 @@ ROOM = 0.01  # metres around the hand that are enough
 class Scripted:
     """One for each world, which has `task` (spec and success label); made anew for each task."""
 
-    def __init__(self, env: Any, see: float = 0.003, put: float = 0.003) -> None:
-        self.label, self.see, self.put = env.task.success, see, put
+    def __init__(self, env: Any, see: float = 0.003, put: float = 0.003, follow: bool = True, steps: int = 25) -> None:
+        self.label, self.see, self.put, self.follow, self.steps = env.task.success, see, put, follow, steps
         self.spec = without_start(env.task.spec, self.label)
-        self.shapes = self.spec.checked.shapes
+        self.shapes, self.yaws = self.spec.checked.shapes, None  # of the grasps that came with the start
 
     def reset(self, seed: int) -> None:
         self.random = np.random.default_rng([seed, 1])
-        self.script, self.level = None, ABOVE
+        self.script, self.level, self.yaws = None, ABOVE, None
 
     def __call__(self, observation: Any, instruction: str) -> np.ndarray:
         self.seen = observation
@@ -53,7 +55,12 @@ class Scripted:
         return self.seen["objects"]
 
     def moves(self, poses: np.ndarray) -> Moves:
-        return plan(self.spec, self.label, poses)
+        if not self.follow or "goal" not in self.seen:
+            return plan(self.spec, self.label, poses)
+        goal, self.yaws = self.seen["goal"], self.seen["yaws"]
+        return [
+            (which, np.append(flat(goal)[which], goal[which, 2])) for which in np.flatnonzero(np.isfinite(self.yaws))
+        ]
 
     def play(self, moves: Moves) -> Script:
         """The actions: each yield is one, and the next thing that is seen."""
@@ -65,19 +72,23 @@ class Scripted:
     def carry(self, which: int, goal: Any) -> Script:
         height = self.shapes[which].height
         x, y, _ = flat(self.things())[which]
-        tallest = max(other.height + pose[2] for other, pose in zip(self.shapes, self.things(), strict=True))
+        tallest = max(
+            shape.height + pose[2]
+            for shape, pose in zip(self.shapes, self.things(), strict=True)
+            if shape.arm is None  # over its own base it does not come
+        )
         self.level = tallest + max(ABOVE, height)
         low = self.things()[which][2]
         grip = low + max(height - DEEP, 0.012)
         off = self.random.normal(0.0, self.see, 2)
         turn, after = self.grasp(which, goal, grip)
         at = np.array([x + off[0], y + off[1]])
-        yield from self.move([*at, self.level], turn, OPEN, near=0.03)
+        yield from self.move([*at, self.level], turn, OPEN, near=0.03, steps=self.steps)
         yield from self.move([*at, grip], turn, OPEN)
         yield from self.hold([*at, grip], turn, CLOSED, lambda before, now, _: now > before - 5e-4)
         yield from self.move([*at, self.level], turn, CLOSED, near=0.03)
         at = goal[:2] + self.random.normal(0.0, self.put, 2)
-        yield from self.move([*at, self.level], after, CLOSED, near=0.01)
+        yield from self.move([*at, self.level], after, CLOSED, near=0.01, steps=self.steps)
         drop = grip + goal[3] - low + 0.003
         yield from self.move([*at, drop], after, CLOSED)
         yield from self.hold([*at, drop], after, OPEN, lambda _, now, first: now > first + 0.01)
@@ -85,8 +96,13 @@ class Scripted:
 
     def grasp(self, which: int, goal: Any, grip: float) -> tuple[float, float]:
         """The directions in which the fingers close on a thing, and in which they let it go: of those that go across
-        it, the ones with most room around the hand, and of several the ones that turn it least."""
+        it, the ones with most room around the hand, and of several the ones that turn it least; or those of the grasp
+        that came with the start."""
         poses, low = flat(self.things()), self.things()[which][2]
+        if self.yaws is not None:
+            turning = nearest(goal[2] - poses[which, 2], 0.0, math.tau)
+            before = nearest(poses[which, 2] + self.yaws[which], self.rest - turning / 2.0, math.pi)
+            return before, before + turning
         ways = list(across(self.shapes[which], poses[which, 2], goal[2], self.rest))
         before, after = np.array(ways).T
         room = np.minimum(

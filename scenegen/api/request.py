@@ -42,14 +42,15 @@ def read_phi(source: Spec | LearnedModel, phi: Phi | None) -> dict[str, Range]:
     if phi is None:
         return {}
     if isinstance(phi, Mapping):
-        return {label: _range(label, ends) for label, ends in phi.items()}
+        return {label: as_range(label, ends) for label, ends in phi.items()}
     if len(labels) > 1:
         named = {"count": len(labels), "labels": tuple(labels), "first": labels[0]}
         raise RequestError(LABEL_NOT_NAMED(**named, phi=repr(phi)))
-    return {label: _range(label, phi) for label in labels}
+    return {label: as_range(label, phi) for label in labels}
 
 
-def _range(label: str, ends: object) -> Range:
+def as_range(label: str, ends: object) -> Range:
+    """A range of phi from (lowest, highest), None for an open end. Raises RequestError."""
     if isinstance(ends, Range):
         return ends
     pair = as_list(ends)

@@ -21,6 +21,10 @@ def pairs(
     ),
     start: list[str] | None = option("Wanted phi of the start; default: anything but a goal.", "[NAME=]LO:HI"),
     moved: int | None = option("How many objects stand elsewhere; default: start and goal are independent.", "K"),
+    grasp: str | None = option(
+        "Only pairs with a grasp of what is moved by this robot, the same at both ends; margin 0: or as given.",
+        "ROBOT[=LO:HI]",
+    ),
     n: int = field_option(SampleRequest, "n", "How many pairs.", default=DEFAULT_SCENES),
     count: list[str] | None = COUNT,
     seed: int = field_option(SampleRequest, "seed", "The same seed gives the same pairs."),
@@ -35,10 +39,15 @@ def pairs(
       scenegen pairs table_setting -n 1000 --out tasks.jsonl
       scenegen pairs table_setting --moved 1 --out tasks.parquet
       scenegen pairs my.spec --goal task=0: --start task=-0.3:-0.1
+      scenegen pairs my.spec --moved 1 --grasp arm=0.01:
 
     A goal is a scene in the range of --goal. A start is one in the range of --start, or one that is not a goal; what
     the spec requires holds in both. With --moved K, K objects, chosen uniformly, stand elsewhere in the start, each at
     a pose that is uniform over the table, given that the start is in its range.
+
+    With --grasp, one grasp from above of each thing that is moved, at one of 12 yaws in its own frame, is within reach
+    and clear of everything at the start and at the goal. Its margin is in metres; of several things it is the least.
+    Robots are not moved; without --moved, all else is.
 
     Where the spec draws how many things there are, start and goal have as many.
 
@@ -47,6 +56,7 @@ def pairs(
     """
     from scenegen.api.pairs import pairs as draw
     from scenegen.api.spec import load
+    from scenegen.sampling.grasps import parse_grasp
     from scenegen.scenes.files import check_writable
     from scenegen.scenes.formats.registry import MOTIONS, format_of
 
@@ -59,7 +69,10 @@ def pairs(
         check_output()
     labels = checked.labels
     ends = [None if not given else parse_phi(given, labels, name) for given, name in ((goal, "goal"), (start, "start"))]
-    found = draw(checked, ends[0], ends[1], n, moved=moved, seed=seed, workers=workers, timeout=time_left(timeout))
+    hold = None if grasp is None else parse_grasp(grasp)
+    found = draw(
+        checked, ends[0], ends[1], n, moved=moved, grasp=hold, seed=seed, workers=workers, timeout=time_left(timeout)
+    )
     complain(*checked.warnings, *found.warnings)
     if out is not None:
         found.save(out)

@@ -32,7 +32,21 @@ if TYPE_CHECKING:
 SUITE_OPTIONS = {  # of each action: those that must be given, and the others
     "new": (
         ("out",),
-        ("bands", "log10p", "n", "seed", "success", "start", "tolerance", "grid", "headings", "timeout", "workers"),
+        (
+            "bands",
+            "log10p",
+            "n",
+            "seed",
+            "success",
+            "start",
+            "tolerance",
+            "grid",
+            "headings",
+            "grasp",
+            "goal",
+            "timeout",
+            "workers",
+        ),
     ),
     "check": ((), ()),
     "run": (
@@ -84,6 +98,12 @@ def suite(
     ),
     grid: float | None = option("new: objects stand on a grid of this step.", "LENGTH", parser=metres),
     headings: float | None = option("new: headings are multiples of this.", "ANGLE", parser=radians),
+    grasp: str | None = option(
+        "new: starts from which one thing can be moved to the goal by this robot, with one grasp at both ends; margin"
+        " 0: or as given.",
+        "ROBOT[=LO:HI]",
+    ),
+    goal: str | None = option("new: with --grasp, phi of success at these goals; default: 0:.", "LO:HI"),
     world: str | None = option(
         "run, envhub: table, libero, hand: (a person; hand:FOLDER looks at pictures), or a function of a task that"
         " makes its environment.",
@@ -109,6 +129,7 @@ def suite(
       scenegen suite new a.spec b.spec --bands 5 -n 50 --out mine/
       scenegen suite new a.spec --bands near=-0.1:0 --bands far=:-0.1 --out mine/
       scenegen suite new a.spec --bands 2 --tolerance 1.5cm,15deg --out hand/
+      scenegen suite new a.spec --bands 2 --grasp arm=1cm: --out room/
       scenegen suite check tabletop
       scenegen suite run mine/ --world w.py:make --policy p.py:act --out a.jsonl
       scenegen suite run mine/ --world w.py:make --policy q.py:act --out b.jsonl
@@ -147,15 +168,21 @@ def _new(
     tolerance: tuple[float, float] = (0.0, 0.0),
     grid: float = 0.0,
     headings: float = 0.0,
+    grasp: str | None = None,
+    goal: str | None = None,
     **given: Any,
 ) -> None:
     from scenegen.play.suites.forgiving import Placing
     from scenegen.play.suites.new import new_suite
+    from scenegen.sampling.grasps import parse_grasp
+    from scenegen.sampling.request import parse_phi
     from scenegen.scenes.files import is_stream
 
     paths = [find_spec(Path(one)) for one in specs]
     names = names_of([Path("stdin") if is_stream(path) else path for path in paths])
     given |= {"timeout": time_left(given.get("timeout", 600.0)), "placing": Placing(tolerance, grid, headings)}
+    given |= {} if grasp is None else {"grasp": parse_grasp(grasp)}
+    given |= {} if goal is None else {"goal": parse_phi([goal], ["goal"], "goal")["goal"]}
     with progress_bar() as bar:
         task = bar.add_task("tasks", total=None)
 

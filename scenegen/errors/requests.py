@@ -379,6 +379,16 @@ CANNOT_MOVE_SO_MANY = Kind(
     "{wanted} objects cannot move: {free} of them can",
     help="ask for {most} at most",
 )
+NO_ROBOT = Kind(
+    "no-robot",
+    ("{known:?}`{name}` is no robot of the spec", "the spec has no robot"),
+    help=(NEAREST, "its robots: {known:quoted}", "write `robot arm = panda at (0.5, -0.25, NORTH)`"),
+)
+NOTHING_TO_GRASP = Kind(
+    "nothing-to-grasp",
+    "there is nothing to grasp: the spec holds all things where they are",
+    help="leave out the `at` of what is to be moved",
+)
 NO_BOUND_ON_STEPS = Kind(
     "no-bound-on-steps",
     "nothing says how far `{name}` moves in a step",

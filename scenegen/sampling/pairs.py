@@ -2,7 +2,8 @@
 
 The goal is drawn as scenes are. Without `moved` the start is, too, independently of it. With `moved`, K of the objects
 that can move, chosen uniformly, get new poses, uniform over their limits, until the start is in its range; the others
-stay where they are.
+stay where they are. With a grasp (`scenegen.sampling.grasps`) a start is tried until it has one, too, and all that can
+move but robots does, where `moved` does not say how many.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ from scenegen.errors import Diagnostic, RequestError
 from scenegen.errors.declarations import NO_NUMBER_POSSIBLE, NUMBER_LEFT_OUT
 from scenegen.errors.requests import CANNOT_MOVE_SO_MANY, TOO_FEW_MOTIONS
 from scenegen.lang.spec import CheckedSpec, combinations, member_weights, numbers_text, rows_among
-from scenegen.pose import PLACE, row_count, row_of, rows_along, rows_of
+from scenegen.pose import PLACE, X, owner, row_count, row_of, rows_along, rows_of
 from scenegen.sampling.families import NO_SCENE_KINDS, NOT_FOUND_KINDS, assets_of, seed_of
+from scenegen.sampling.grasps import PairGrasp
 from scenegen.sampling.plans import draw
 from scenegen.sampling.problem import SCENES_IN_CACHE, Problem
 from scenegen.sampling.request import SampleRequest
@@ -27,6 +29,7 @@ from scenegen.sampling.streams import PAIRS_STREAM
 from scenegen.search.effort import Budget
 
 STARTS_PER_GOAL = 4096  # starts that are tried for a goal before it is given up
+MOST_IN_VAIN = 64  # goals one after the other without a start, after which no more are drawn
 STARTS_PER_PAIR = 64  # starts for a pair at most, where the start is anything but the goal
 
 
@@ -34,7 +37,8 @@ STARTS_PER_PAIR = 64  # starts for a pair at most, where the start is anything b
 class Pairs:
     """`start` and `goal` (3N, n), phi of every label at each (L, n), `moved` (n,) objects whose place differs,
     `distance` (n,) metres between their centres, summed. `given_up` goals had no start in so many tries; `shortfall`
-    says why there are fewer pairs than wanted, if there are."""
+    says why there are fewer pairs than wanted, if there are. `grasps` (1 + N, n) is what `PairGrasp.grasps` gives, if a
+    grasp was wanted."""
 
     start: Array
     goal: Array
@@ -44,15 +48,17 @@ class Pairs:
     distance: Array
     given_up: int
     shortfall: Diagnostic | None = None
+    grasps: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class PairStarts:
     """Which scenes are starts: those of a problem's range, or, with `unless`, those of it that are not in the goal's
-    range."""
+    range. With `grasp`, a start goes with goals to which a grasp of it leads."""
 
     problem: Problem
     unless: Problem | None = None
+    grasp: PairGrasp | None = None
 
     def holds(self, rows: Array) -> tuple[Bool, Array]:
         """Which scenes (3N, B) are starts, and phi (L, B)."""
@@ -62,12 +68,23 @@ class PairStarts:
             flags &= self.unless.cells.find(phi) < 0
         return flags, phi
 
+    def go_with(self, rows: Array, goals: Array) -> Index:
+        """Which of the scenes (3N, B) are starts of the goals (3N, B)."""
+        found = np.flatnonzero(self.holds(rows)[0])
+        if self.grasp is not None:
+            found = found[self.grasp.holds(self.grasp.grasps(rows[:, found], goals[:, found]))]
+        return found
+
 
 def draw_pairs(goal: Problem, starts: PairStarts, moved: int | None, budget: Budget) -> Pairs:
     """The pairs of two requests for the same spec: as many as the goal's. Raises RequestError where there is no scene,
     and for more moved objects than can move; AssertionError for a pair that fails the last check."""
     wanted = goal.request.n
-    free = np.array([k for k in range(len(goal.spec.objects)) if _moves(goal, k)], dtype=np.intp)
+    can_move = [k for k in range(len(goal.spec.objects)) if _moves(goal, k)]
+    if starts.grasp is not None:
+        can_move = [k for k in can_move if k in starts.grasp.cores]
+        moved = moved or len(can_move)
+    free = np.array(can_move, dtype=np.intp)
     if moved is not None and moved > len(free):
         raise RequestError(CANNOT_MOVE_SO_MANY(wanted=moved, free=len(free), most=len(free)))
     rng = np.random.default_rng(np.random.SeedSequence([goal.request.seed, PAIRS_STREAM]))
@@ -91,6 +108,7 @@ def _rounds(
     """Starts and goals; goals without a start are replaced by others. Returns how many there were, and why there are
     too few."""
     wanted, pairs, count, given_up, reason = goal.request.n, list[tuple[Array, Array]](), 0, 0, ""
+    in_vain = 0
     while True:
         request = goal.request
         if given_up:
@@ -101,7 +119,8 @@ def _rounds(
         start, kept, reason = _start_elsewhere(starts, found.rows, free, moved, budget, rng)
         pairs.append((start, found.rows[:, kept]))
         count, given_up = count + len(kept), given_up + found.count - len(kept)
-        if count == wanted or budget.is_spent or not len(kept):
+        in_vain = 0 if len(kept) else in_vain + found.count
+        if count == wanted or budget.is_spent or in_vain >= MOST_IN_VAIN:
             break
     begins, ends = (np.concatenate(parts, axis=1) for parts in zip(*pairs, strict=True))
     return begins, ends, given_up, reason
@@ -144,8 +163,7 @@ def _start_elsewhere(
         for part in np.array_split(open_, -(-len(open_) * each // SCENES_IN_CACHE)):
             which = np.repeat(part, each)
             rows = _elsewhere(problem, goals[:, which], free, moved, rng)
-            flags, _ = starts.holds(rows)
-            good = np.flatnonzero(flags)
+            good = starts.go_with(rows, goals[:, which])
             first, place = np.unique(which[good], return_index=True)
             found[:, first], done[first] = rows[:, good[place]], True
     kept = np.flatnonzero(done)
@@ -193,8 +211,12 @@ def _check_pairs(
     far = np.hypot(*apart)
     differs = (far > 0.0).sum(axis=0)
     assert moved is None or (differs == moved).all(), "a pair moves another number of objects"
+    grasps = None if starts.grasp is None else starts.grasp.grasps(start, ends)
+    assert starts.grasp is None or grasps is None or starts.grasp.holds(grasps).all(), "a pair has no grasp in range"
     labels = len(goal.spec.labels)
-    return Pairs(start, ends, start_phi[:labels], goal_phi[:labels], differs, far.sum(axis=0), given_up, shortfall)
+    return Pairs(
+        start, ends, start_phi[:labels], goal_phi[:labels], differs, far.sum(axis=0), given_up, shortfall, grasps
+    )
 
 
 # Pairs of a spec that draws how many things there are: those of its members, ordinary specs.
@@ -313,7 +335,12 @@ def _widen(spec: CheckedSpec, member: CheckedSpec, pairs: Pairs) -> Pairs:
         whole[rows] = own
         return whole
 
-    return replace(pairs, start=wide(pairs.start), goal=wide(pairs.goal))
+    grasps = pairs.grasps
+    if grasps is not None:
+        yaws = np.full((len(spec.objects), grasps.shape[1]), np.nan)
+        yaws[[owner(row) for row in rows[rows_along(X)]]] = grasps[1:]
+        grasps = np.concatenate([grasps[:1], yaws])
+    return replace(pairs, start=wide(pairs.start), goal=wide(pairs.goal), grasps=grasps)
 
 
 def _join(parts: Sequence[Pairs], order: Index) -> Pairs:
@@ -323,4 +350,5 @@ def _join(parts: Sequence[Pairs], order: Index) -> Pairs:
     return Pairs(
         start=columns("start"), goal=columns("goal"), start_phi=columns("start_phi"), goal_phi=columns("goal_phi"),
         moved=columns("moved"), distance=columns("distance"), given_up=sum(one.given_up for one in parts),
+        grasps=None if parts[0].grasps is None else columns("grasps"),
     )  # fmt: skip

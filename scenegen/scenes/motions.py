@@ -56,13 +56,13 @@ class MotionRequestData(_StrictMotionModel):
 
 class MotionData(_StrictMotionModel):
     """One motion: the poses of each object, moment by moment, and phi by name. `facts` are other numbers about it, such
-    as the distance from start to goal. Where the number of things is drawn, `counts` has it, the same at all moments,
-    and objects that are not there have no poses."""
+    as the distance from start to goal; null where a motion has none. Where the number of things is drawn, `counts` has
+    it, the same at all moments, and objects that are not there have no poses."""
 
     counts: dict[str, Annotated[int, Field(ge=1)]] | None = None
     poses: dict[str, list[Point]]
     phi: dict[str, FiniteFloat]
-    facts: dict[str, FiniteFloat] = Field(default_factory=dict)
+    facts: dict[str, FiniteFloat | None] = Field(default_factory=dict)
 
 
 class MotionFile(_StrictMotionModel):

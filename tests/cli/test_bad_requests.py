@@ -45,6 +45,14 @@ def test_render_option(name, refusal, scenegen):
     refusal("requests", name)
 
 
+@pytest.mark.parametrize("name", cases("grasp_"))
+def test_grasps(name, here, refusal):
+    arm = "robot arm = panda at (0.5, -0.25, NORTH)\nrequire noOverlap()\n"
+    (here / "arm.spec").write_text(f"object cube = box(4 cm, 4 cm, 4 cm), apple\n{arm}goal: leftOf(cube, apple)\n")
+    (here / "held.spec").write_text("object cube at (0.5, 0.5)\nrobot arm = panda\ngoal: leftOf(cube, arm)\n")
+    refusal("requests", name)
+
+
 @pytest.mark.parametrize("name", cases("usage_"))
 def test_wrong_usage_is_status_2(name, scenegen, here, message):
     outcome = scenegen(*shlex.split(CASES[name].text)[1:])

@@ -19,14 +19,16 @@ from pathlib import Path
 
 import numpy as np
 
+from scenegen.api.pairs import read_grasp
 from scenegen.api.rarity import LabelRarity, rarity
 from scenegen.api.sample import draw_scenes
 from scenegen.api.scene_arrays import make_header
 from scenegen.api.scenes import SceneSet
-from scenegen.api.spec import Spec, parse, read_spec
+from scenegen.api.spec import Spec, parse, read_spec, refuse_choices
 from scenegen.arrays import Array
 from scenegen.errors import RequestError
 from scenegen.errors.requests import (
+    CONFLICTING_ARGUMENTS,
     CUT_SHORT,
     NO_TIME_TO_CHECK,
     OUT_OF_PLACE,
@@ -38,9 +40,22 @@ from scenegen.lang.checker import check_file
 from scenegen.learn.success.files import BLANK_DIGEST
 from scenegen.learn.success.statistics import Z
 from scenegen.play.suites.forgiving import EXACT_PLACING, Placing, join_scenes
-from scenegen.play.suites.suite import NAME_PATTERN, SUITE_JSON, BandData, SuiteFile, TaskData, overlapping
+from scenegen.play.suites.suite import (
+    NAME_PATTERN,
+    SUITE_JSON,
+    BandData,
+    GraspData,
+    SuiteFile,
+    TaskData,
+    goal_spec,
+    overlapping,
+)
+from scenegen.pose import as_poses
 from scenegen.sampling.engine.engines import JobResult, run_each
-from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
+from scenegen.sampling.grasps import FITS, movable_things, pair_grasp
+from scenegen.sampling.pairs import PairStarts, draw_pairs
+from scenegen.sampling.problem import make_problem
+from scenegen.sampling.request import MAX_SEED, Ends, Range, SampleRequest
 from scenegen.sampling.streams import SUITES_STREAM
 from scenegen.scenes.data import RequestData
 from scenegen.scenes.files import refuse_existing, whole_files
@@ -55,6 +70,7 @@ COUNTED_DRAWS, MIN_IN_BAND = 1 << 16, 100  # draws of a task's base distribution
 CURVE_POINTS = 1025  # of the curve that they give
 MIN_CANDIDATES, MAX_CANDIDATES, MOST_AT_ONCE = 256, 1 << 16, 1 << 13  # starts drawn at first, in all, and at a time
 HOPELESS_CANDIDATES = 1 << 13  # where none of so many is of use, no more are drawn
+MOVED_THINGS = 1  # between a start and its goal in a suite with grasps
 Bands = int | Mapping[str, Range]
 Told = Callable[[JobResult, int, int], None]  # a task that is made, or failed; how many of how many are over
 
@@ -87,6 +103,8 @@ def new_suite(
     success: str | None = None,
     start: str | None = None,
     placing: Placing = EXACT_PLACING,
+    grasp: str | Mapping[str, Ends | Range] | None = None,
+    goal: Range = FITS,
     timeout: float = 600.0,
     workers: int | None = None,
     told: Told = lambda ended, done, count: None,
@@ -97,10 +115,21 @@ def new_suite(
     starts that is at least as hard. `success` and `start` are the labels, by default `goal` (or the only one) and
     `start`. The first line of a spec's opening comment is the instruction; with a label of starts and a comment
     `# reverse: ...` there is a reversed task, too. `placing` says how starts are set by hand: on which grid, and which
-    errors they forgive. `timeout` seconds are for all of them. The bytes follow from the
-    specs and these arguments, not from `workers`. Raises RequestError, SpecError, DataError and OutputError.
+    errors they forgive. `grasp`, as of `scenegen.pairs`, leaves the starts from which one thing can be moved to where
+    phi of the label is in the range `goal`, with one grasp; the suite has these goals and grasps. `timeout` seconds are
+    for all of them. The bytes follow from the specs and these arguments, not from `workers`. Raises RequestError,
+    SpecError, DataError and OutputError.
     """
     out = as_path("out", out)
+    hold = None if grasp is None else read_grasp(grasp)
+    if hold is not None and placing != EXACT_PLACING:
+        reason = "whether a grasp forgives errors of placing is not proved"
+        raise RequestError(CONFLICTING_ARGUMENTS(one="grasp", other=placing.argument, reason=reason))
+    if hold is None and goal != FITS:
+        rule, remedy = "is of goals to which a grasp leads", "say which robot grasps, too"
+        raise RequestError(OUT_OF_PLACE(argument="goal", rule=rule, remedy=remedy))
+    if goal.low is None or goal.low < 0.0:
+        raise RequestError(OUT_OF_RANGE(argument="goal", value=str(goal), wanted="0 or more, where the label holds"))
     ranges: Mapping[str, Range] = bands if isinstance(bands, Mapping) else {}
     n, seed, count = as_int("n", n), as_int("seed", seed), len(ranges) or as_int("bands", bands)
     bands = ranges or count
@@ -116,7 +145,7 @@ def new_suite(
     if both := overlapping((name, *one.ends) for name, one in ranges.items()):
         rule, remedy = "overlap: starts in both would count twice", "let one end where the other begins"
         raise RequestError(OUT_OF_PLACE(option="the bands `{}` and `{}`".format(*both), rule=rule, remedy=remedy))
-    plans = [one for name, path in specs for one in _tasks(name, path, success, start, bands)]
+    plans = [one for name, path in specs for one in _tasks(name, path, success, start, bands, hold)]
     files = [SUITE_JSON, *(plan.file for plan in plans)]
     for twice in [file for file in files if files.count(file) > 1][:1]:
         rule = "would be two files of the suite: a task of this name cannot be in it"
@@ -124,7 +153,7 @@ def new_suite(
     if not log10p:
         plans = [replace(one, bands=count) if one.back else one for one in plans]
     refuse_existing(*(out / file for file in files))
-    job = _MakeTask(log10p, n, seed, placing, Budget(as_seconds("timeout", timeout)))
+    job = _MakeTask(log10p, n, seed, placing, hold, goal, Budget(as_seconds("timeout", timeout)))
     jobs = [(plan.file.removesuffix(".json"), plan) for plan in plans]
     ways: tuple[list[TaskData], list[TaskData]] = ([], [])
     with whole_files(out) as put:
@@ -136,17 +165,23 @@ def new_suite(
             put(task.scenes, data)
             ways[plan.back].append(task)
         manifest = SuiteFile(
-            name=out.resolve().name, digest=BLANK_DIGEST, seed=seed, n=n, tasks=ways[0], reversed=ways[1]
-        )
+            name=out.resolve().name, digest=BLANK_DIGEST, seed=seed, n=n, tasks=ways[0], reversed=ways[1],
+            robot=hold[0] if hold else "",
+        )  # fmt: skip
         put(SUITE_JSON, manifest.dump())
     return SuiteFile.model_validate_json(manifest.dump())
 
 
-def _tasks(name: str, path: Path, success: str | None, start: str | None, bands: Bands) -> list[TaskPlan]:
-    """The task of a spec file, and the reversed one if it has one. Raises RequestError for labels that it lacks."""
+def _tasks(
+    name: str, path: Path, success: str | None, start: str | None, bands: Bands, hold: tuple[str, Range] | None
+) -> list[TaskPlan]:
+    """The task of a spec file, and the reversed one if it has one. Raises RequestError for labels that it lacks, and
+    for a robot that it lacks, or that has nothing to grasp."""
     file, data = read_spec(path)
     spec = Spec(check_file(file, data, None))
     source = spec.checked.source
+    if hold is not None:
+        movable_things(spec.checked, hold[0])
     for label in (success, start):
         if label is not None and label not in spec.labels:
             raise RequestError(UNKNOWN_LABEL(name=label, known=spec.labels))
@@ -181,6 +216,8 @@ class _MakeTask:
     n: int
     seed: int
     placing: Placing
+    grasp: tuple[str, Range] | None
+    goal: Range
     budget: Budget
 
     def __call__(self, plan: TaskPlan) -> tuple[TaskData, bytes]:
@@ -207,13 +244,13 @@ class _MakeTask:
                 wanted = "in {:g}:{:g}, where starts are".format(*curve.ends)
                 raise RequestError(OUT_OF_RANGE(argument="bands", value=f"{name}={low:g}:{high:g}", wanted=wanted))
             rng = np.random.default_rng([self.seed, SUITES_STREAM, int(spec.checked.sha256[:12], 16), len(bands)])
-            part = self._draw(spec, plan, name, Range(low, high), rng, [one[1:] for one in ranges])
+            part, grasps = self._draw(spec, plan, name, Range(low, high), rng, [one[1:] for one in ranges])
             rare = np.log10(curve.share(part.phi[plan.success]).clip(min=curve.least))
             bands.append(
                 BandData(
                     name=name, phi=(low, high), probability=_round(share), error=round(error, 4),
                     log10p=[round(float(one), 4) + 0.0 for one in rare],
-                    seeds=rng.integers(1 << 31, size=self.n).tolist(),
+                    seeds=rng.integers(1 << 31, size=self.n).tolist(), grasps=grasps,
                 )
             )  # fmt: skip
             parts.append(part)
@@ -232,9 +269,11 @@ class _MakeTask:
         band: Range,
         rng: np.random.Generator,
         ranges: Sequence[tuple[float, float]],
-    ) -> SceneSet:
-        """The starts of a band, which is one of some ranges. Raises RequestError where too few can be set as they
-        should be."""
+    ) -> tuple[SceneSet, list[GraspData]]:
+        """The starts of a band, which is one of some ranges, and their grasps. Raises RequestError where too few can be
+        set as they should be."""
+        if self.grasp is not None:
+            return self._draw_with_grasps(spec, plan, name, band, self.grasp, rng)
         chosen: list[SceneSet] = []
         n, drawn = (self.n if self.placing == EXACT_PLACING else max(MIN_CANDIDATES, self.n)), 0
         while drawn < MAX_CANDIDATES:
@@ -244,11 +283,11 @@ class _MakeTask:
             )  # fmt: skip
             part = draw_scenes(spec, request)[rng.permutation(n)]
             if self.placing == EXACT_PLACING:
-                return part
+                return part, []
             chosen.append(self.placing.keep(spec, part, {plan.success: band.ends}, self.budget))
             found, drawn, n = join_scenes(chosen), drawn + n, min(2 * n, MOST_AT_ONCE)
             if len(found) >= self.n:
-                return found[: self.n]
+                return found[: self.n], []
             if drawn >= HOPELESS_CANDIDATES and not len(found):
                 break
         advice = self.placing.advise(spec, plan.success, ranges, not plan.back, self.seed, self.budget)
@@ -258,12 +297,42 @@ class _MakeTask:
         wanted = f"less strict, or the bands wider: {few}{advice and '; try '}{advice}"
         raise RequestError(OUT_OF_RANGE(argument=self.placing.argument, value=str(self.placing), wanted=wanted))
 
+    def _draw_with_grasps(
+        self, spec: Spec, plan: TaskPlan, name: str, band: Range, by: tuple[str, Range], rng: np.random.Generator
+    ) -> tuple[SceneSet, list[GraspData]]:
+        """Starts of a band with a goal that one thing has to be moved to, and the grasp. They are pairs the other way
+        round: what is drawn as a goal is the start."""
+        refuse_choices(spec, "a grasp")
+        request = SampleRequest(
+            {plan.success: band}, self.n, seed=int(rng.integers(1 << 53)), spread="base",
+            timeout=self.budget.seconds_left, workers=1,
+        )  # fmt: skip
+        begin, after = make_problem(spec.checked, request, self.budget), goal_spec(spec).checked
+        ends = make_problem(after, replace(request, phi={plan.success: self.goal}), self.budget)
+        made = draw_pairs(begin, PairStarts(ends, grasp=pair_grasp(after, *by)), MOVED_THINGS, self.budget)
+        assert made.grasps is not None
+        if made.shortfall is not None:
+            if self.budget.is_spent:
+                raise RequestError(NO_TIME_TO_CHECK())
+            few = f"{made.goal.shape[1]} of {self.n} starts of {name} of {plan.name} have a goal that a grasp leads to"
+            wanted = f"a wider range, or the bands: {few}"
+            raise RequestError(OUT_OF_RANGE(argument="grasp", value=f"{by[0]}={by[1]}", wanted=wanted))
+        order = rng.permutation(self.n)
+        start, goal = as_poses(made.goal)[order], as_poses(made.start)[order]
+        grasps = []
+        for to, (margin, *yaws) in zip(goal.tolist(), made.grasps.T[order].tolist(), strict=True):
+            yaw = {name: one for name, one in zip(spec.objects, yaws, strict=True) if not math.isnan(one)}
+            ends_at = {name: (x, y, turn) for name, (x, y, turn) in zip(spec.objects, to, strict=True) if name in yaw}
+            grasps.append(GraspData(margin=margin, yaw=yaw, goal=ends_at))
+        return spec.scenes(start), grasps
+
     def _bytes(self, spec: Spec, parts: Sequence[SceneSet], bands: Sequence[BandData]) -> bytes:
         phi = {label: np.concatenate([part.phi[label] for part in parts]) for label in spec.labels}
         on = [part.on for part in parts if part.on is not None]
         request = RequestData(phi={}, n=self.n * len(bands), spread="base")
         sampler = {"method": "suite", "seed": self.seed, "bands": {one.name: list(one.phi) for one in bands}}
         sampler |= {} if self.placing == EXACT_PLACING else {"placing": str(self.placing)}
+        sampler |= {} if self.grasp is None else {"grasp": "{}={}".format(*self.grasp), "goal": str(self.goal)}
         header = make_header(spec.checked, sampler, request)
         poses = np.concatenate([part.poses for part in parts])
         scenes = SceneSet(poses, phi, header, on=np.concatenate(on) if on else None, trusted=True)

@@ -15,24 +15,28 @@ from operator import itemgetter, not_
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import AfterValidator, Field, FiniteFloat, model_validator
 
 from scenegen.api.reading import read_scenes
 from scenegen.api.scene_arrays import rows_of
-from scenegen.api.scenes import SceneSet, compare
-from scenegen.api.spec import Spec
+from scenegen.api.scenes import SceneSet, compare, evaluate
+from scenegen.api.spec import Spec, parse
 from scenegen.arrays import Array
 from scenegen.errors import DataError, RequestError
 from scenegen.errors.requests import OUT_OF_RANGE, UNKNOWN_CHOICE
 from scenegen.errors.worlds import NOT_A_SUITE
+from scenegen.lang.check.arms import YAWS
 from scenegen.learn.success.files import FileModel, dump_with_digest, load_with_digest
 from scenegen.resources import shipped_suites
+from scenegen.sampling.grasps import FITS, pair_grasp
 from scenegen.scenes.arrange import check_scenes
 from scenegen.scenes.files import inside, read_bytes
 from scenegen.scenes.sets import Seed, Sha256
 from scenegen.validation import as_int, as_path
 
 SUITE_JSON = "suite.json"
+MARGIN_TOLERANCE = 1e-9  # metres, of the margin of a grasp
 NAME_PATTERN = r"[^\x00-\x1f\x7f-\x9f\u2028\u2029/\\]{1,200}"  # part of a file's name, and of lines
 Name = Annotated[str, Field(pattern=f"^{NAME_PATTERN}$")]
 
@@ -43,10 +47,21 @@ def overlapping(ranges: Iterable[tuple[str, float, float]]) -> tuple[str, str] |
     return next(((one[0], other[0]) for one, other in pairwise(ordered) if other[1] < one[2]), None)
 
 
+class GraspData(FileModel):
+    """A goal of a start, and the grasp that leads there: of each thing that is moved its `goal`, x and y in metres and
+    theta in radians, and the `yaw` of the hand in its own frame, in radians. `margin` is the least of the grasps at
+    both ends, in metres."""
+
+    margin: FiniteFloat
+    yaw: dict[str, FiniteFloat]
+    goal: dict[str, tuple[FiniteFloat, FiniteFloat, FiniteFloat]]
+
+
 class BandData(FileModel):
     """A band of difficulty: phi of the success label from the first to the second, and its `probability` among the
     starts that the task's spec allows; `error` is half of a 95 % interval of its log10. Of each start `log10p`, log10
-    of the share of these starts that is at least as hard, and a seed for what else is random in its episode."""
+    of the share of these starts that is at least as hard, and a seed for what else is random in its episode; in a suite
+    with grasps also one."""
 
     name: Name
     phi: tuple[FiniteFloat, FiniteFloat]
@@ -54,6 +69,7 @@ class BandData(FileModel):
     error: Annotated[FiniteFloat, Field(ge=0)]
     log10p: list[FiniteFloat]
     seeds: list[Seed]
+    grasps: list[GraspData] = Field(default_factory=list, exclude_if=not_)
 
 
 class TaskData(FileModel):
@@ -70,7 +86,8 @@ class TaskData(FileModel):
 
 class SuiteFile(FileModel):
     """suite.json. `digest` is the SHA-256 of this file with 64 zeros in its place; the file has those of all others.
-    `reversed` are the tasks whose start is the goal of another one, and whose goal is its start."""
+    `reversed` are the tasks whose start is the goal of another one, and whose goal is its start. Grasps are by the
+    `robot` of this name in the specs."""
 
     format: Literal["scenegen/suite"] = "scenegen/suite"
     version: Literal[1] = 1
@@ -80,6 +97,7 @@ class SuiteFile(FileModel):
     n: Annotated[int, Field(ge=1)]
     tasks: Annotated[list[TaskData], Field(min_length=1)]
     reversed: list[TaskData] = Field(default_factory=list, exclude_if=not_)
+    robot: str = Field(default="", exclude_if=not_)
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
@@ -97,6 +115,8 @@ class SuiteFile(FileModel):
         bands = [band for task in (*self.tasks, *self.reversed) for band in task.bands]
         if any(not len(band.log10p) == len(band.seeds) == self.n for band in bands):
             raise ValueError(f"a band has not {self.n} starts")
+        if any(len(band.grasps) != (self.n if self.robot else 0) for band in bands):
+            raise ValueError("a start has no grasp, or one without a robot")
         return self
 
     def dump(self) -> bytes:
@@ -107,7 +127,8 @@ class SuiteFile(FileModel):
 @dataclass(frozen=True, slots=True, eq=False)
 class SuiteTask:
     """A task of a suite. What its spec requires holds at every start; success is phi >= 0 of the label `success`.
-    `scenes` are its starts, n of each band in turn, and `poses` (n, N, 7) the same as `SceneSet.poses7` has them."""
+    `scenes` are its starts, n of each band in turn, and `poses` (n, N, 7) the same as `SceneSet.poses7` has them. In a
+    suite with grasps `goals` has a goal of each start."""
 
     name: str
     spec: Spec
@@ -116,6 +137,7 @@ class SuiteTask:
     bands: tuple[BandData, ...]
     scenes: SceneSet = field(repr=False)
     poses: Array = field(repr=False)
+    goals: SceneSet | None = field(default=None, repr=False)
 
     def start(self, row: int, number: int) -> GradedStart:
         """The start in a row of the scenes, as start `number` of a suite."""
@@ -124,9 +146,14 @@ class SuiteTask:
         phi = {label: float(values[row]) for label, values in self.scenes.phi.items()}
         on = None if self.scenes.on is None else self.scenes.on[row]
         poses = self.poses[row].copy()  # worlds move things in it
+        goal = yaws = margin = None
+        if self.goals is not None:
+            goal, grasp = self.goals[row : row + 1].poses7()[0], band.grasps[place]
+            yaws, margin = np.array([grasp.yaw.get(name, np.nan) for name in self.spec.objects]), grasp.margin
         return GradedStart(
-            number, self, band.name, poses, phi, band.log10p[place], band.probability, band.seeds[place], row, on
-        )
+            number, self, band.name, poses, phi, band.log10p[place], band.probability, band.seeds[place], row, on,
+            goal, yaws, margin,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,7 +161,10 @@ class GradedStart:
     """Start `number` of a suite: `poses` (N, 7) in the spec's frame: x, y, z of each object's lowest point in metres,
     then qw, qx, qy, qz; `objects` are their names. `phi` is by label; `log10p` is log10 of the share of all starts that
     is at least as hard, `probability` that of its band. `seed` is for what else is random; `row` is its number among
-    the task's scenes, `on` as in a SceneSet."""
+    the task's scenes, `on` as in a SceneSet.
+
+    In a suite with grasps `goal` (N, 7) is where things are to go, `yaws` (N,) are those of the hand on each thing that
+    is moved, in its own frame, in radians, NaN for the others, and `margin` is the least of these grasps, in metres."""
 
     number: int
     task: SuiteTask
@@ -146,6 +176,9 @@ class GradedStart:
     seed: int
     row: int
     on: Array | None = None
+    goal: Array | None = field(default=None, repr=False)
+    yaws: Array | None = None
+    margin: float | None = None
 
     @property
     def objects(self) -> tuple[str, ...]:
@@ -163,6 +196,7 @@ class Suite:
     n: int
     reverse: bool
     tasks: tuple[SuiteTask, ...]
+    robot: str = ""
 
     @staticmethod
     def load(folder: str | Path, *, reverse: bool = False) -> Suite:
@@ -173,7 +207,7 @@ class Suite:
         if reverse and not file.reversed:
             raise DataError(NOT_A_SUITE(file=folder, what="a suite with reversed tasks", reason="none has a way back"))
         tasks = (_task(folder, one, file.n) for one in (file.reversed if reverse else file.tasks))
-        return Suite(folder, file.name, file.digest, file.n, reverse, tuple(tasks))
+        return Suite(folder, file.name, file.digest, file.n, reverse, tuple(tasks), file.robot)
 
     @property
     def cells(self) -> list[tuple[SuiteTask, BandData]]:
@@ -236,7 +270,23 @@ def _task(folder: Path, data: TaskData, n: int) -> SuiteTask:
         reason = f"it has not {n * len(data.bands)} scenes with the label `{data.success}`"
         raise DataError(NOT_A_SUITE(file=folder / data.scenes, what="that of the suite", reason=reason))
     spec = Spec(replace(scenes.header.spec.checked_spec, name=data.name))
-    return SuiteTask(data.name, spec, data.instruction, data.success, tuple(data.bands), scenes, scenes.poses7())
+    grasps, goals = [grasp for band in data.bands for grasp in band.grasps], None
+    if grasps:
+        if any({*grasp.goal} - {*spec.objects} or grasp.goal.keys() != grasp.yaw.keys() for grasp in grasps):
+            reason = "a grasp is of what the spec does not have, or has no goal"
+            raise DataError(NOT_A_SUITE(file=folder / SUITE_JSON, what="a suite", reason=reason))
+        poses = scenes.poses.copy()
+        for number, grasp in enumerate(grasps):
+            for name, pose in grasp.goal.items():
+                poses[number, spec.objects.index(name)] = pose
+        goals = SceneSet(poses, {}, scenes.header, on=scenes.on)
+    bands = tuple(data.bands)
+    return SuiteTask(data.name, spec, data.instruction, data.success, bands, scenes, scenes.poses7(), goals)
+
+
+def goal_spec(task: Spec) -> Spec:
+    """The spec of a task without what a suite adds to it, which is its last statement: that it is not solved."""
+    return parse(task.source.rpartition("require ")[0], task.checked.name)
 
 
 def check_suite(folder: str | Path) -> list[Suite]:
@@ -263,4 +313,25 @@ def check_suite(folder: str | Path) -> list[Suite]:
                 if (phi < low).any() or (phi > high).any() or (phi >= 0.0).any():
                     reason = f"a start of the band {band.name} is out of its range, or solved"
                     raise DataError(NOT_A_SUITE(file=name, what="what the suite says", reason=reason))
+            if suite.robot and not _grasps_hold(suite.robot, task):
+                reason = "a goal does not hold, or the margin of a grasp is another"
+                raise DataError(NOT_A_SUITE(file=name, what="what the suite says", reason=reason))
     return suites
+
+
+def _grasps_hold(robot: str, task: SuiteTask) -> bool:
+    """Whether every goal is one, and every grasp has the margin that the suite says. Raises DataError for a goal that
+    the spec does not have, and RequestError without the robot."""
+    assert task.goals is not None
+    spec, told = goal_spec(task.spec), [grasp for band in task.bands for grasp in band.grasps]
+    start, goal = (rows_of(spec.checked, scenes) for scenes in (task.scenes, task.goals))
+    check_scenes(spec.checked, goal)
+    by, margin = pair_grasp(spec.checked, robot, FITS), np.full(len(told), np.inf)
+    for thing in by.cores:
+        yaws = np.array([grasp.yaw.get(spec.objects[thing], np.nan) for grasp in told])
+        moved = np.flatnonzero(np.isfinite(yaws))
+        each = by.margins(thing, start[:, moved], goal[:, moved])
+        at = np.rint(yaws[moved] * YAWS / np.pi).astype(int) % YAWS
+        margin[moved] = np.minimum(margin[moved], each[at, np.arange(len(moved))])
+    wrong = np.abs(margin - [grasp.margin for grasp in told]) > MARGIN_TOLERANCE
+    return bool((evaluate(spec.checked, task.goals)[task.success] >= 0.0).all() and not wrong.any())

@@ -83,7 +83,8 @@ class MotionArrays:
             "phi": {name: float(values[number]) for name, values in self.phi.items()},
         }
         if self.facts:
-            found["facts"] = {name: float(values[number]) for name, values in self.facts.items()}
+            numbers = {name: float(values[number]) for name, values in self.facts.items()}
+            found["facts"] = {name: None if math.isnan(value) else value for name, value in numbers.items()}
         return found
 
     def block(self) -> Block:
@@ -123,7 +124,7 @@ def arrays_of(file: MotionFile) -> MotionArrays:
 
 def _columns(motions: list[MotionData], kind: str) -> dict[str, Array]:
     names = getattr(motions[0], kind) if motions else ()
-    return {name: np.array([getattr(one, kind)[name] for one in motions]) for name in names}
+    return {name: np.array([getattr(one, kind)[name] for one in motions], dtype=np.float64) for name in names}
 
 
 def columns(motions: MotionArrays, first: int = 1) -> list[tuple[str, Array]]:

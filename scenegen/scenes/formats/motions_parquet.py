@@ -126,7 +126,8 @@ def read(path: Path, source: Any = None) -> MotionArrays:
             reason = f"no column `{name}`" if name not in table.column_names else f"{table.num_rows} rows"
             raise DataError(DAMAGED_MOTIONS(file=path, place="", reason=reason))
         values = np.asarray(table.column(name).to_numpy(), dtype=np.float64)
-        bad = np.isinf(values) if name[: name.rfind(".") + 1] in spare else ~np.isfinite(values)
+        may_lack = name in names["facts"] or name[: name.rfind(".") + 1] in spare
+        bad = np.isinf(values) if may_lack else ~np.isfinite(values)
         if bad.any():
             raise DataError(DAMAGED_MOTIONS(file=path, place=name, reason="a value is not a number"))
         return values

@@ -33,7 +33,8 @@ class ArmWorld:
 
     Observations: `names` (N), `objects` (N, 7) and `hand` (7,) as x, y, z, qw, qx, qy, qz in the spec's frame,
     `fingers` (2,) in metres, `joints` (7,) in radians, `turn`, the angle from the robot's x axis to the spec's, and
-    what the environment itself observes. The hand's z axis points out of it, and the fingers close along its x axis.
+    what the environment itself observes; the first one of a start with a grasp also its `goal` (N, 7) and `yaws` (N,),
+    as a start has them. The hand's z axis points out of it, and the fingers close along its x axis.
     Actions: robosuite's OSC_POSE, seven numbers in [-1, 1] along the robot's axes.
     """
 
@@ -64,6 +65,8 @@ class ArmWorld:
         names, poses, own = self._begin(start)
         self.names, self._poses = tuple(names), np.array(poses, dtype=np.float64)
         self._stand()
+        if start.goal is not None:
+            own = {**own, "goal": start.goal, "yaws": start.yaws}
         return self._observation(own), {"success": self._judge(self)}
 
     def step(self, action: npt.ArrayLike) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:

@@ -20,6 +20,7 @@ from scenegen.needs import need
 from scenegen.play.frame import TableFrame
 from scenegen.play.robosuite import Placement
 from scenegen.play.suites.adapters.arms import ArmWorld, Begun
+from scenegen.sampling.grasps import robots_of
 from scenegen.things.bodies import DENSITY
 
 if TYPE_CHECKING:
@@ -31,11 +32,13 @@ SOLREF = [0.02, 1.0]  # MuJoCo's own; robosuite's cylinders are springs that nev
 DAMPING = "0.002"  # N m s, of what turns: MuJoCo's cylinders stand on few points, and rock for long
 ACTIONS_PER_SECOND, TABLE_HORIZON = 10.0, 200  # actions of an episode
 PHYSICS_STEP = 0.004  # seconds
+ROBOT_TOLERANCE = 0.01  # metres and radians by which a spec's robot may be off the world's
 TORQUE_STEPS = 4  # steps of physics for which the controller's torques stay: it is most of the work
 
 
 def make(task: SuiteTask) -> ArmWorld:
-    """Raises RequestError for objects that are neither boxes nor cylinders, and where robosuite is missing."""
+    """Raises RequestError for objects that are neither boxes nor cylinders, for robots elsewhere than the Panda is, and
+    where robosuite is missing."""
     solids, (frame, size) = solids_of(task.spec), table_of(task.spec)
     need("robosuite", "for the world of a table")
     from robosuite.models.objects import BoxObject, CylinderObject
@@ -53,6 +56,7 @@ def make(task: SuiteTask) -> ArmWorld:
         task.spec, given, reference_pos=frame.origin, turn=TABLE_TURN, mujoco_objects=list(models.values())
     )
     env = _environment(models, placement, given, size)
+    _check_robots(task.spec, frame, env)
 
     def begin(start: GradedStart) -> Begun:
         given.start = start
@@ -66,10 +70,13 @@ def make(task: SuiteTask) -> ArmWorld:
 
 
 def solids_of(spec: Spec) -> dict[str, list[float]]:
-    """Half the sizes of each object: of a box three, of a cylinder radius and half its height. Raises RequestError."""
-    found = {}
+    """Half the sizes of each object but robots: of a box three, of a cylinder radius and half its height. Raises
+    RequestError."""
+    found, robots = {}, robots_of(spec.checked)
     for name, shape in zip(spec.objects, spec.checked.shapes, strict=True):
         footprint = shape.footprint
+        if name in robots:
+            continue
         if isinstance(footprint, Circle) and shape.asset == "cylinder":
             found[name] = [footprint.radius, shape.height / 2.0]
         elif isinstance(footprint, Box) and shape.asset in ("box", "block"):
@@ -77,9 +84,31 @@ def solids_of(spec: Spec) -> dict[str, list[float]]:
         else:
             wanted = "a box or a cylinder: other shapes are not in this world"
             raise RequestError(WRONG_VALUE(argument=name, value=f"of the shape `{shape.asset}`", wanted=wanted))
-    for board in (region for region in spec.checked.regions if region.height):
+    stands = [(spec.objects[which], one.name) for which, one in spec.checked.supports.items()]
+    stands += [(spec.objects[which], one.name) for which, some in spec.checked.choices.items() for one in some.options]
+    used = {surface for name, surface in stands if name not in robots}
+    mounts = {surface for name, surface in stands if name in robots} - used
+    for board in (one for one in spec.checked.regions if one.height and one.name not in mounts):
         raise RequestError(WRONG_VALUE(argument=board.name, value="a board", wanted="no height: there are none here"))
     return found
+
+
+def _check_robots(spec: Spec, frame: TableFrame, env: Any) -> None:
+    """Raises RequestError for a robot of the spec that is not the world's own, or not where that is."""
+    body = env.sim.model.body_name2id(env.robots[0].robot_model.root_body)
+    at = env.sim.data.body_xpos[body]
+    own = *frame.pose(at, env.sim.data.body_xquat[body]), float(at[2]) - frame.origin[2]
+    heights = spec.checked.heights or (0.0,) * len(spec.objects)
+    for which, shape in enumerate(spec.checked.shapes):
+        if shape.arm is None:
+            continue
+        here = *spec.checked.fixed.get(which, (math.inf,) * 3), heights[which]
+        if shape.arm.name != "panda" or not np.allclose(np.array(here, dtype=np.float64), own, atol=ROBOT_TOLERANCE):
+            x, y, z = (round(one, 3) + 0.0 for one in (own[0], own[1], own[3]))
+            wanted = f"the place of this world's panda: at ({x:g}, {y:g}, {math.degrees(own[2]):.3g} deg), {z:g} m high"
+            raise RequestError(
+                WRONG_VALUE(argument=spec.objects[which], value="another robot, or elsewhere", wanted=wanted)
+            )
 
 
 def table_of(spec: Spec) -> tuple[TableFrame, tuple[float, float, float]]:

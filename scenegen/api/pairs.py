@@ -43,8 +43,8 @@ def pairs(
 
     `goal` and `start` are ranges of phi, as of `sample`. Left out, a goal satisfies every label, and a start is
     anything but a goal; both meet what the spec requires. Without `moved`, start and goal are independent of each
-    other. `moved` is how many objects stand elsewhere: chosen uniformly, each at a new pose, where it usually is or uniform over the table,
-    given that the start is in its range.
+    other. `moved` is how many objects stand elsewhere: chosen uniformly, each at a new pose, where it usually is or
+    uniform over the table, given that the start is in its range.
 
     `grasp` names a robot of the spec, for pairs with one grasp of each thing that is moved, at a yaw in its own frame,
     that fits at the start and at the goal; `{"arm": (0.01, None)}` has a range of its margin, for which 0 and above is

@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from scenegen.lang.check.imports import Project
     from scenegen.lang.check.lowering import Lowering
 
-BEHIND = "behind_"  # before the names of what the ring behind the base has, in canonical text
+BEHIND_PREFIX = "behind_"  # before the names of what the ring behind the base has, in canonical text
 QUARTERS = 0.0, math.pi, math.pi / 2.0, -math.pi / 2.0  # directions from that away from the base
 HeightCases = Callable[[Callable[[float], float]], int]
 """A function of the height above the base at which the fingers close -> a number of the core."""
@@ -101,7 +101,7 @@ def _inline_arm(lowering: Lowering, name: str, given: Mapping[str, ast.Expr], so
         items = lowering.coerce.items(lowering.evaluate(expr, frame), f"the argument `{field}` of `arm`")
         what = f"a number of `{field}`"
         found = [lowering.constant(item, expr, frame, what, BARE, LENGTH, ANGLE) for item in items]
-        (behind if field.startswith(BEHIND) else lists)[field.removeprefix(BEHIND)] = found
+        (behind if field.startswith(BEHIND_PREFIX) else lists)[field.removeprefix(BEHIND)] = found
     base, hand = (lists.pop(table, []) for table in ("base", "hand"))
     if len(hand) == 7:
         sizes = {"opening": hand[0], "finger": hand[1:3], "finger_length": hand[3], "palm": hand[4:]}
@@ -118,7 +118,7 @@ def arm_call(shape: Shape) -> ast.Call:
     assert arm is not None
     base, hand = arm.base, arm.hand
     lists: dict[str, tuple[float, ...]] = {}
-    for prefix, ring in (("", arm.ring), (BEHIND, arm.behind)):
+    for prefix, ring in (("", arm.ring), (BEHIND_PREFIX, arm.behind)):
         if ring is not None:
             named = {one.name: getattr(ring, one.name) for one in fields(ring)}
             lists |= {f"{prefix}{name}": each for name, each in named.items() if name != "turn" or each != ALL_ROUND}

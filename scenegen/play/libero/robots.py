@@ -9,7 +9,7 @@ from scenegen.play.frame import heading_of
 from scenegen.play.libero.measure import LiveModel
 from scenegen.things.arms import shipped_arm, shipped_arms
 
-LEVEL = 0.001  # metres by which a base may be over the ground and count as on it
+GROUND_TOLERANCE = 0.001  # metres by which a base may be over the ground and count as on it
 
 
 def robot_statements(live: LiveModel, origin: Sequence[float], taken: Collection[str]) -> list[str]:
@@ -22,7 +22,7 @@ def robot_statements(live: LiveModel, origin: Sequence[float], taken: Collection
         kind = next((one for one in shipped_arms() if type(model).__name__.lower().endswith(one)), None)
         body = int(live.sim.model.body_name2id(model.root_body))
         x, y, z = (live.data.xpos[body] - origin).tolist()
-        if kind is None or z < -LEVEL:
+        if kind is None or z < -GROUND_TOLERANCE:
             why = "is no arm that comes along" if kind is None else "stands lower than the ground"
             found.append(f"# The robot {type(model).__name__} is left out: it {why}.")
             continue
@@ -31,7 +31,7 @@ def robot_statements(live: LiveModel, origin: Sequence[float], taken: Collection
             name += "_"
         names.add(name)
         heading, place = float(heading_of(live.data.xquat[body])) % (2.0 * math.pi), ""
-        if z > LEVEL:
+        if z > GROUND_TOLERANCE:
             base = shipped_arm(kind).base
             half = math.hypot(base.width, base.depth) / 2.0
             box = ", ".join(f"{one:.6g}" for one in (x - half, y - half, x + half, y + half))

@@ -15,7 +15,7 @@ from scenegen.play.libero.measure import DRAWN_GROUP, LiveModel
 
 AGENT_VIEW = "agentview"  # LIBERO's camera, from which policies see the table; its pictures are square
 ALONE_GROUP = 5  # of geoms: where a thing is put to be looked at by itself
-LEVEL = 0.01  # the sine of the largest angle by which a level picture may be turned
+LEVEL_SINE = 0.01  # the sine of the largest angle by which a level picture may be turned
 PICTURE_PIXELS = 256  # from side to side of the picture whose pixels are counted, by a ray through the middle of each
 MOST_PIXELS = 80  # of them from side to side of a thing; where it has more, every second counts, or fewer
 
@@ -75,7 +75,9 @@ class LiveCamera:
     def is_level(self) -> bool:
         """Whether a spec has its picture: the sides are upright, or, where it looks straight down, y is up."""
         right, up, back = self.turn.T
-        return bool(abs(right[2]) < LEVEL and (up[1] > 1.0 - LEVEL if back[2] > 1.0 - LEVEL else up[2] > 0.0))
+        return bool(
+            abs(right[2]) < LEVEL_SINE and (up[1] > 1.0 - LEVEL_SINE if back[2] > 1.0 - LEVEL_SINE else up[2] > 0.0)
+        )
 
     @contextmanager
     def _by_itself(self, geoms: Sequence[int]) -> Iterator[None]:

@@ -101,7 +101,7 @@ def _inline_arm(lowering: Lowering, name: str, given: Mapping[str, ast.Expr], so
         items = lowering.coerce.items(lowering.evaluate(expr, frame), f"the argument `{field}` of `arm`")
         what = f"a number of `{field}`"
         found = [lowering.constant(item, expr, frame, what, BARE, LENGTH, ANGLE) for item in items]
-        (behind if field.startswith(BEHIND_PREFIX) else lists)[field.removeprefix(BEHIND)] = found
+        (behind if field.startswith(BEHIND_PREFIX) else lists)[field.removeprefix(BEHIND_PREFIX)] = found
     base, hand = (lists.pop(table, []) for table in ("base", "hand"))
     if len(hand) == 7:
         sizes = {"opening": hand[0], "finger": hand[1:3], "finger_length": hand[3], "palm": hand[4:]}

@@ -70,7 +70,8 @@ class NormalRun:
         offset = self.deviation * truncated_quantile(u, low, high)
         if self.offset:
             return offset
-        return np.asarray(np.clip(middle + offset, np.maximum(self.low, middle - self.far), self.high))
+        found = np.maximum(middle + offset, np.maximum(self.low, middle - self.far))
+        return np.asarray(np.minimum(found, self.high))
 
     def span(self, u: Spans, given: Sequence[Spans]) -> Spans:
         # the further up the middle, the further up the coordinate, but the less it is above its middle
@@ -93,36 +94,52 @@ class NormalRun:
         return truncated_share((value if self.offset else value - middle) / self.deviation, low, high)
 
 
+NO_SHARE_BEYOND = 8.3  # deviations from the middle beyond which float64 sees no share of a normal distribution
+
+
 def truncated_quantile(u: Any, low: Any, high: Any) -> Array:
     """The quantile u of the standard normal distribution cut off at low and high.
 
     Where both ends lie above 0, it is that of the mirror image, so that shares are differences of small numbers; the
-    upper half of one that reaches to both sides is computed from above."""
+    upper half of one that reaches to both sides is computed from above. What does not depend on u is computed in the
+    shape of the ends, which most often are two numbers."""
     from scipy.special import ndtr, ndtri
 
-    low, high = np.broadcast_arrays(low, high)
+    low, high, u = np.asarray(low), np.asarray(high), np.asarray(u)
+    if (low < -NO_SHARE_BEYOND).all() and (high > NO_SHARE_BEYOND).all():
+        return np.asarray(np.minimum(np.maximum(ndtri(u), low), high))
     above = low > 0.0
-    low, high, u = np.where(above, -high, low), np.where(above, -low, high), np.where(above, 1.0 - np.asarray(u), u)
+    mirrored = bool(above.any())
+    if mirrored:
+        low, high, u = np.where(above, -high, low), np.where(above, -low, high), np.where(above, 1.0 - u, u)
     below, beyond = ndtr(low), ndtr(-high)
-    whole = np.where(high < 0.0, ndtr(high) - below, 1.0 - below - beyond)
-    upper = (u > 0.5) & (high >= 0.0)
+    whole, upper = 1.0 - below - beyond, u > 0.5
+    if mirrored or (high < 0.0).any():
+        whole, upper = np.where(high < 0.0, ndtr(high) - below, whole), upper & (high >= 0.0)
     z = ndtri(np.where(upper, beyond + (1.0 - u) * whole, below + u * whole))
-    z = np.where(whole > 0.0, np.clip(np.where(upper, -z, z), low, high), high)  # so far out that shares are 0
-    return np.asarray(np.where(above, -z, z))
+    z = np.minimum(np.maximum(np.where(upper, -z, z), low), high)
+    if not whole.all():  # so far out that shares are 0
+        z = np.where(whole > 0.0, z, high)
+    return np.asarray(np.where(above, -z, z) if mirrored else z)
 
 
 def truncated_share(z: Any, low: Any, high: Any) -> Array:
     """The share below z of the standard normal distribution cut off at low and high."""
     from scipy.special import ndtr
 
-    low, high, z = np.broadcast_arrays(low, high, np.clip(z, low, high))
+    low, high = np.asarray(low), np.asarray(high)
+    z = np.minimum(np.maximum(z, low), high)
     above = low > 0.0
-    low, high, z = np.where(above, -high, low), np.where(above, -low, high), np.where(above, -z, z)
+    mirrored = bool(above.any())
+    if mirrored:
+        low, high, z = np.where(above, -high, low), np.where(above, -low, high), np.where(above, -z, z)
     below = ndtr(low)
-    whole = np.where(high < 0.0, ndtr(high) - below, 1.0 - below - ndtr(-high))
+    whole = 1.0 - below - ndtr(-high)
+    if mirrored or (high < 0.0).any():
+        whole = np.where(high < 0.0, ndtr(high) - below, whole)
     with np.errstate(invalid="ignore", divide="ignore"):
         share = (ndtr(z) - below) / whole
-    return np.asarray(np.where(above, 1.0 - share, share))
+    return np.asarray(np.where(above, 1.0 - share, share) if mirrored else share)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,7 +240,7 @@ class RegionRun:
         return np.asarray(self.area[slab] + covered * (self.area[slab + 1] - self.area[slab]))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Quantile:
     """One coordinate of a thing; see above. `choosing` and `saying` are the ranges of the first two arguments, which
     are the same number where it is `alone`: then each option has a part of it. `ends` (K,) are the shares of the
@@ -235,11 +252,12 @@ class Quantile:
     runs: tuple[Run, ...]
     alone: bool
 
-    @property
+    @cached_property
     def starts(self) -> Array:
+        """(K,): where the options begin."""
         return np.concatenate([[0.0], self.ends[:-1]])
 
-    @property
+    @cached_property
     def slack(self) -> float:
         """By how much bounds are wider: quantiles are rounded."""
         return UNIT_SLACK * (1.0 + abs(self.saying[0]) + abs(self.saying[1]))
@@ -293,6 +311,10 @@ def quantile_bounds(of: Quantile, chooser: Spans, number: Spans, *given: Spans) 
     """Bounds of the coordinate from bounds of its arguments."""
     if len(of.ends) > MAX_COMPARED_OPTIONS and isinstance(of.runs[0], UniformRun) and len(of.runs) == 1:
         return _range_of_many(of, of.runs[0], chooser, number)
+    if len(of.ends) == 1:
+        u = _unit(number[0], of.saying), _unit(number[1], of.saying)
+        low, high = of.runs[0].span((u[0][None], u[1][None]), given)
+        return low[0] - of.slack, high[0] + of.slack
     found = _by_option(of, chooser, number, given)
     lo = np.where(found.possible, found.low, np.inf).min(axis=0)
     hi = np.where(found.possible, found.high, -np.inf).max(axis=0)
@@ -304,6 +326,10 @@ def narrow_quantile(of: Quantile, wanted: Spans, chooser: Spans, number: Spans, 
     shape = np.broadcast_shapes(*(np.shape(one[0]) for one in (wanted, chooser, number, *given)))
     if len(of.ends) * math.prod(shape) > MAX_COMPARED:
         return chooser, number
+    if len(of.ends) == 1:
+        least, most = of.runs[0].shares((wanted[0] - of.slack, wanted[1] + of.slack), given)
+        own = _back((np.fmax(least[0], 0.0) - UNIT_SLACK, np.fmin(most[0], 1.0) + UNIT_SLACK), of.saying)
+        return own if of.alone else chooser, own
     found = _by_option(of, chooser, number, given)
     low, high = (np.broadcast_to(one, shape) for one in (wanted[0] - of.slack, wanted[1] + of.slack))
     possible = found.possible & (found.low <= high) & (found.high >= low)
@@ -400,7 +426,8 @@ def _in_option(mark: Array, starts: Array, ends: Array) -> Array:
 
 def _unit(value: Any, ends: tuple[float, float]) -> Array:
     """A uniform number as a share of its range, 0..1, which rounding could leave."""
-    return np.asarray(np.clip((np.asarray(value, dtype=np.float64) - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0))
+    share = (np.asarray(value, dtype=np.float64) - ends[0]) / (ends[1] - ends[0])
+    return np.asarray(np.minimum(np.maximum(share, 0.0), 1.0))
 
 
 def _back(unit: Spans, ends: tuple[float, float]) -> Spans:

@@ -12,7 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy import stats
 
+REDRAWS = 16  # what is then still beyond the ends, far from its middle, scipy draws
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 Place = tuple[Floats, Floats]
@@ -81,17 +83,29 @@ class Draws:
         return found
 
     def _cut_normal(self, mean: float | Floats, deviation: float, ends: tuple[float, float]) -> Floats:
-        return self._redrawn(mean, ends, lambda middle: self.rng.normal(middle, deviation))
+        middle = self._each(mean)
+        found = self.rng.normal(middle, deviation)
+        for _ in range(REDRAWS):
+            if not len(wrong := self._beyond(found, ends)):
+                return found
+            found[wrong] = self.rng.normal(middle[wrong], deviation)
+        wrong = self._beyond(found, ends)
+        low, high = ((end - middle[wrong]) / deviation for end in ends)
+        found[wrong] = stats.truncnorm.rvs(low, high, middle[wrong], deviation, random_state=self.rng)
+        return np.clip(found, *ends)  # rounding
 
     def _cut_uniform(self, middle: Floats, reach: float, ends: tuple[float, float]) -> Floats:
-        return self._redrawn(middle, ends, lambda some: self.rng.uniform(some - reach, some + reach))
-
-    def _redrawn(self, middle: float | Floats, ends: tuple[float, float], draw: Callable[[Floats], Floats]) -> Floats:
-        middle = np.broadcast_to(np.asarray(middle, dtype=np.float64), self.n)
-        found = draw(middle)
-        while len(wrong := np.flatnonzero((found < ends[0]) | (found > ends[1]))):
-            found[wrong] = draw(middle[wrong])
+        found = self.rng.uniform(middle - reach, middle + reach)
+        while len(wrong := self._beyond(found, ends)):
+            found[wrong] = self.rng.uniform(middle[wrong] - reach, middle[wrong] + reach)
         return found
+
+    def _each(self, number: float | Floats) -> Floats:
+        return np.broadcast_to(np.asarray(number, dtype=np.float64), self.n)
+
+    @staticmethod
+    def _beyond(found: Floats, ends: tuple[float, float]) -> npt.NDArray[np.intp]:
+        return np.flatnonzero((found < ends[0]) | (found > ends[1]))
 
 
 def rectangle(left: float, bottom: float, right: float, top: float) -> IsInside:

@@ -20,6 +20,7 @@ import numpy as np
 from experiments.priors.cases import CASES, Case
 from experiments.priors.draws import Bools, Draws, Floats
 from scenegen.api.spec import Spec, parse
+from scenegen.geometry.namespace import NUMPY
 from scenegen.lang.formula.core import gate
 from scenegen.lang.formula.interpret import phi
 from scenegen.pose import row_count, row_of
@@ -86,7 +87,7 @@ def fit(spec: Spec, rows: Floats, surfaces: Floats, wanted: tuple[float, float])
     full[: len(rows)] = rows
     for choice, numbers in zip(checked.choices.values(), surfaces, strict=True):
         full[row_of(choice.switch, 0)] = np.array(choice.middles)[numbers.astype(int)]
-    values = phi(core, list(full), np)
+    values = phi(core, list(full), NUMPY)
     task = values.pop("task")
     found = checked.workspace.contains(full) & (task >= wanted[0]) & (task <= wanted[1])
     for margin in values.values():

@@ -36,7 +36,8 @@ from scenegen.scenes.formats import registry as table
 from scenegen.scenes.formats.header import not_scenes, parse
 from scenegen.scenes.formats.scenes_json import MAX_JSON_BYTES, REMEDY
 from scenegen.scenes.formats.settled import is_settled, read_settled
-from scenegen.scenes.formats.tables import Table, is_plain, read_table
+from scenegen.lang.tables import Table
+from scenegen.scenes.formats.tables import is_plain, read_table
 from scenegen.scenes.locations import as_location, is_set
 from scenegen.validation import as_int, as_path
 

@@ -17,6 +17,7 @@ from scenegen.errors.diagnostic import Kind, names
 GROUPS = {
     "language": "Text, names, values, lists and time of a spec",
     "declarations": "Objects, their numbers, regions and statements of a spec",
+    "priors": "Where things usually are",
     "requests": "Requests for scenes, motions and pairs",
     "files": "Files, trajectories, sets of scenes, stores and clusters",
     "worlds": "Planning problems, and environments of other libraries",

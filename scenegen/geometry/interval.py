@@ -19,6 +19,7 @@ from scenegen.arrays import Array
 from scenegen.geometry import clearance, shadow, share
 from scenegen.geometry.footprint import Circle, Footprint, Measures, PlacedBox, half_width, measures
 from scenegen.geometry.namespace import NUMPY
+from scenegen.geometry.quantile import Quantile, narrow_quantile, quantile_bounds
 from scenegen.pose import TWO_PI
 
 
@@ -100,6 +101,10 @@ def pick(switch: Interval, end: Interval, before: Interval, after: Interval) -> 
         np.where(early & late, np.minimum(before.lo, after.lo), np.where(late, after.lo, before.lo)),
         np.where(early & late, np.maximum(before.hi, after.hi), np.where(late, after.hi, before.hi)),
     )
+
+
+def quantile(of: Quantile, *parts: Interval) -> Interval:
+    return Interval(*quantile_bounds(of, *parts))
 
 
 def hypot(a: Interval, b: Interval) -> Interval:
@@ -280,6 +285,12 @@ def back_pick(result: Interval, switch: Interval, end: Interval, before: Interva
     none = ~(early | late)
     switch = meet(switch, Interval(np.where(none, np.inf, left.lo), np.where(none, -np.inf, left.hi)))
     return switch, end, side(before, late), side(after, early)
+
+
+@quiet
+def back_quantile(of: Quantile, result: Interval, chooser: Interval, number: Interval, *given: Interval) -> Intervals:
+    choice, own = narrow_quantile(of, result, chooser, number, *given)
+    return meet(chooser, Interval(*choice)), meet(number, Interval(*own)), *given
 
 
 @quiet

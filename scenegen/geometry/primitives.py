@@ -16,6 +16,7 @@ from scenegen.geometry import clearance, shadow, share
 from scenegen.geometry import interval as iv
 from scenegen.geometry.interval import Interval, Rule
 from scenegen.geometry.namespace import Namespace
+from scenegen.geometry.quantile import QUANTILE, quantile
 from scenegen.pose import FLAT, PLACE, TWO_PI
 
 # Units of scalar expressions, as powers of metre and radian. A bare number takes its unit from its place
@@ -309,6 +310,11 @@ PRIMITIVES: dict[str, Primitive] = {
             iv.pick, lambda switch, end, before, after: agree(before, after),
             "one number where the switch of a choice is below an end, another elsewhere",
             hidden=True, backward=iv.back_pick,
+        ),
+        Primitive(
+            QUANTILE, _ONE, quantile, iv.quantile, agree,
+            "a coordinate as a function of numbers that are uniform",
+            hidden=True, variadic=True, backward=iv.back_quantile,
         ),
         Primitive("sin", _ONE, lambda ns, a: ns.sin(a), iv.sin, _angle_in(BARE), "sine of an angle", of_angle=True),
         Primitive("cos", _ONE, lambda ns, a: ns.cos(a), iv.cos, _angle_in(BARE), "cosine of an angle", of_angle=True),

@@ -26,6 +26,7 @@ from scenegen.lang.check.imports import Project, SourcedStatement, inline
 from scenegen.lang.check.lowering import Lowering
 from scenegen.lang.check.names import find_unused, resolve
 from scenegen.lang.check.objects import canonical, categories, name_objects, pose, shape, unlikely
+from scenegen.lang.check.priors import circles, prior_statement, said_twice
 from scenegen.lang.check.regions import areas, level_clash, workspace
 from scenegen.lang.check.scope import LABEL, Declared, collect, prelude
 from scenegen.lang.check.sight import camera, camera_clash
@@ -398,6 +399,26 @@ def _constant(formula: int, builder: CoreBuilder) -> float:
     return float(phi(builder.finish({LABEL: formula}), [])[LABEL])
 
 
+def read_priors(draft: Draft) -> None:
+    """Where things usually are."""
+    said = [(one.source, one.statement) for one in draft.placed if isinstance(one.statement, ast.Usually)]
+    if not said or draft.lowering.heights is None:
+        return
+    if draft.lowering.horizon is not None:
+        source, first = said[0]
+        draft.problems.append(NO_PLACE_OVER_TIME(first.span(source), usually=True))
+        return
+    also = draft.variants.behind(len(draft.scope.objects)) if draft.variants.more else {}
+    lowering = draft.lowering
+    lowering.space = draft.space
+    known: dict[tuple[int, str], Span] = {}
+    for source, statement in said:
+        with draft.problems:
+            draft.priors.append(prior_statement(lowering, draft.project, source, statement, also))
+            draft.problems.extend(said_twice(lowering, draft.priors[-1], known))
+    draft.problems.extend(circles(lowering, draft.priors))
+
+
 def check_uncalled(draft: Draft) -> None:
     """Bodies of definitions that nobody calls are checked with parameters that may be anything."""
     scope, lowering = draft.scope, draft.lowering
@@ -470,6 +491,7 @@ PASSES: tuple[Pass, ...] = (
     stand_objects,
     check_constants,
     lower_formulas,
+    read_priors,
     check_uncalled,
     refuse,
     make_core,
@@ -515,6 +537,7 @@ def _spec(draft: Draft) -> CheckedSpec:
         draft.timed,
         drawn,
         cameras=tuple(lowering.cameras.values()),
+        priors=tuple(one.prior for one in draft.priors if one.prior is not None),
     )
 
 

@@ -14,8 +14,11 @@ prior is uniform over the workspace, and every heading over the circle.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
+
+from scenegen.pose import PLACE, THETA, row_of
 
 if TYPE_CHECKING:
     from scenegen.lang.formula.core import Node
@@ -69,3 +72,9 @@ class Prior:
     options: tuple[Normal | UniformPlace | UniformHeading | Recorded, ...]
     weights: tuple[float, ...]
     nodes: tuple[Node, ...] = ()
+
+
+def prior_rows(priors: Iterable[Prior]) -> dict[int, Prior]:
+    """The rows of (3N, B) storage that have a prior, with theirs."""
+    axes = {"place": PLACE, "heading": (THETA,), "pose": (*PLACE, THETA)}
+    return {row_of(thing, axis): one for one in priors for thing in one.things for axis in axes[one.part]}

@@ -11,7 +11,7 @@ from scenegen.errors import RequestError
 from scenegen.sampling.engine.run import SampledScenes, in_memory
 from scenegen.sampling.methods import METHODS
 from scenegen.sampling.request import EVEN_CANDIDATES
-from scenegen.search.effort import Budget, StoppedError
+from scenegen.search.effort import Budget, Effort, StoppedError
 
 if TYPE_CHECKING:
     from scenegen.lang.spec import CheckedSpec
@@ -87,6 +87,10 @@ def make_plan(problem: Problem, budget: Budget, proposer: Proposer | None = None
     if not entry.proposes and not phi_varies(problem):  # all scenes have the same phi
         entry = METHODS["rejection"]
     try:
+        if problem.spec.priors and not entry.proposes:
+            from scenegen.sampling.prior import plan_placed
+
+            return plan_placed(problem, lambda over: _load(entry.make)(over, budget), Effort(lambda: budget.overdrawn))
         plan: Plan = _load(entry.make)(*((problem, budget, proposer) if entry.proposes else (problem, budget)))
     except StoppedError as stopped:
         raise RequestError(too_early(problem, stopped.how_far or "no draws at all", len(problem.possible))) from None

@@ -140,7 +140,14 @@ class Problem:
     def log_excess(self) -> float:
         """What to add to the natural logarithm of a share of the box of poses for the probability under the base
         distribution, in which every centre is uniform over the workspace, whatever the object stands on."""
-        return self.spec.workspace.log_excess(self.lowest, self.highest, len(self.spec.objects))
+        lowest = self.lowest
+        if self.spec.priors:  # each is a density over the room of its own thing
+            from scenegen.lang.prior import prior_rows
+
+            lowest = lowest.copy()
+            rows = [*prior_rows(self.spec.priors)]
+            lowest[rows] = self.highest[rows]
+        return self.spec.workspace.log_excess(lowest, self.highest, len(self.spec.objects))
 
     @property
     def moving(self) -> int:
@@ -224,6 +231,20 @@ def narrow_problem(
     tape = make_tape(core, *box, effort)
     possible, improbable = _possible(core, tape, cells, *box, effort, choices=bool(problem.spec.choices))
     made = Problem(problem.spec, core, *box, request, cells, possible, tape, improbable=improbable)
+    if not possible:
+        refuse_impossible(made, effort)
+    return made
+
+
+def over_numbers(problem: Problem, spec: CheckedSpec, effort: Effort) -> Problem:
+    """The same request for a spec with the same formulas over other numbers that fill the same box: see
+    `sampling.prior`. Raises RequestError if contraction proves it empty, and what `effort` raises."""
+    core = gate(spec.core)
+    tape = make_tape(core, problem.lowest, problem.highest, effort)
+    choices = bool(spec.choices)
+    possible, improbable = _possible(core, tape, problem.cells, problem.lowest, problem.highest, effort, choices=choices)
+    possible, improbable = possible & problem.possible, improbable & problem.possible | problem.improbable
+    made = dataclasses.replace(problem, spec=spec, core=core, tape=tape, possible=possible, improbable=improbable)
     if not possible:
         refuse_impossible(made, effort)
     return made

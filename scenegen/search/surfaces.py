@@ -21,8 +21,9 @@ from scenegen.arrays import Array, Bool
 from scenegen.geometry import PRIMITIVES
 from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, corners, measures
 from scenegen.lang.formula.core import Apply, Const, Coord, Core, Junction
+from scenegen.lang.prior import prior_rows
 from scenegen.lang.spec import CheckedSpec, Support, options_of
-from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of
+from scenegen.pose import FLAT, PLACE, THETA, TWO_PI, X, Y, row_of, rows_of
 from scenegen.search.contract import Bounds
 from scenegen.search.effort import PYTHON_WORK, Effort
 from scenegen.search.tape import Tape
@@ -233,10 +234,12 @@ class Stand:
 
 def stands_of(spec: CheckedSpec, lowest: Array, highest: Array) -> tuple[Stand, ...]:
     """What stands on things or on one of several surfaces in a spec with choices, carriers before what they carry. What
-    the box lowest..highest (3N,) holds in place is left out."""
+    the box lowest..highest (3N,) holds in place is left out, and what has a prior, or stands on what has one: it is drawn
+    as that says."""
     if not spec.choices:
         return ()
     waiting = sorted(spec.supports.keys() | spec.choices.keys())
+    priors = prior_rows(spec.priors) if spec.priors else {}
     found: list[Stand] = []
     done = set(range(len(spec.objects))).difference(waiting)
     while waiting:
@@ -247,6 +250,7 @@ def stands_of(spec: CheckedSpec, lowest: Array, highest: Array) -> tuple[Stand, 
             switch = None if choice is None else row_of(choice.switch, X)
             stand = Stand(one, spec.shapes[one].footprint, options, switch, (1.0,) if choice is None else choice.ends)
             free = all(lowest[row] < highest[row] for row in stand.rows)
+            free &= not any(row in priors for thing in (one, *_carriers(spec, one)) for row in rows_of(thing))
             if free and (choice is not None or options[0].carrier is not None):
                 found.append(stand)
         done.update(ready)

@@ -10,6 +10,7 @@ from scenegen.geometry.workspace import Workspace
 from scenegen.lang.check.families import Category, Variants
 from scenegen.lang.check.imports import Project, SourcedStatement
 from scenegen.lang.check.lowering import Lowering
+from scenegen.lang.check.priors import PriorStatement
 from scenegen.lang.check.scope import LABEL, DeclaredObject, Scope
 from scenegen.lang.formula.builder import TRUE
 from scenegen.lang.formula.core import Core
@@ -55,8 +56,9 @@ class Draft:
 
     `placed` are the statements of all files. `lowering` knows the names, and what the declarations say. `kinds` are the
     categories of objects by name, `variants` what these objects are; `shapes` has one entry per object, `fixed` the
-    poses of those that are held in place. `used` are the names that formulas use, without those of definitions that
-    nobody calls. `constant` is what is wrong if it is so with all numbers of things that the spec draws.
+    poses of those that are held in place. `priors` has an entry per `usually` statement. `used` are the names that
+    formulas and these use, without those of definitions that nobody calls. `constant` is what is wrong if it is so with
+    all numbers of things that the spec draws.
     """
 
     module: ast.Module
@@ -74,6 +76,7 @@ class Draft:
     fixed: dict[int, Pose] = field(default_factory=dict)
     moves: Movers = "one"
     standing: list[int] = field(default_factory=list)
+    priors: list[PriorStatement] = field(default_factory=list)
     labels: dict[str, int] = field(default_factory=dict)
     requirement: int = TRUE
     used: set[str] = field(default_factory=set)

@@ -79,6 +79,9 @@ def _statement(one: SourcedStatement, scope: Scope) -> Iterator[Diagnostic]:
         for expr in (statement.field, statement.width, statement.height):
             yield from _expression(expr, set(), scope, source, True)
         return
+    if isinstance(statement, ast.Usually):
+        yield from _prior(statement, scope, source)
+        return
     bound: set[str] = set()
     if isinstance(statement, ast.Definition):
         yield from _parameters(statement, source)
@@ -115,6 +118,19 @@ def _shape_argument(argument: ast.Argument, scope: Scope, source: Source) -> Ite
             yield from _shape_argument(inner, scope, source)
     elif not isinstance(argument.value, ast.Text):
         yield from _expression(argument.value, set(), scope, source, True)
+
+
+def _prior(statement: ast.Usually, scope: Scope, source: Source) -> Iterator[Diagnostic]:
+    """The words of distributions, and the names of files, are the checker's business."""
+    of = statement.distribution
+    parts: list[ast.Expr] = [*statement.things]
+    for one in of.items if isinstance(of, ast.Weighted) else (of,):
+        written = [each.value for each in one.arguments] if isinstance(one, ast.Call) else [one]
+        parts.extend(part for part in written if not isinstance(part, ast.Text))
+    for part in parts:
+        yield from _expression(part, set(), scope, source, False)
+    for weight in of.weights if isinstance(of, ast.Weighted) else ():
+        yield from _expression(weight, set(), scope, source, True)
 
 
 def _area(shape: ast.Expr, scope: Scope, source: Source) -> Iterator[Diagnostic]:

@@ -367,7 +367,7 @@ def pose(lowering: Lowering, thing: DeclaredObject, within: Workspace) -> tuple[
         _count_places(len(parts), count, here)
     elif isinstance(one.pose, ast.List):
         raise SpecError(WRONG_NUMBER_OF_PLACES(here))
-    return tuple(_pose(lowering, part, thing.source, None if one.robot else within) for part in parts)
+    return tuple(written_pose(lowering, part, thing.source, None if one.robot else within) for part in parts)
 
 
 def _count_places(given: int, count: int, here: Span) -> None:
@@ -375,7 +375,8 @@ def _count_places(given: int, count: int, here: Span) -> None:
         raise SpecError(WRONG_NUMBER_OF_PLACES(here, count=count, given=given))
 
 
-def _pose(lowering: Lowering, expr: ast.Expr, source: Source, within: Workspace | None) -> Pose:
+def written_pose(lowering: Lowering, expr: ast.Expr, source: Source, within: Workspace | None = None) -> Pose:
+    """The pose that an expression stands for; inside of a workspace, where one is given. Raises SpecError."""
     frame = CallFrame(source)
     theta = 0.0
     if isinstance(expr, ast.Point):
@@ -417,13 +418,18 @@ def _heading(lowering: Lowering, expr: ast.Expr, source: Source) -> float:
 
 def canonical(draft: Draft, counts: Mapping[str, int]) -> str:
     """The canonical text; `counts` are the numbers of things that are drawn no more."""
-    statements = tuple(
-        ast.Objects(tuple(_resolve_declaration(draft, each, counts) for each in one.statement.declarations))
-        if isinstance(one.statement, ast.Objects)
-        else one.statement
-        for one in draft.placed
-    )
-    return print_module(ast.Module(Source("", ""), statements, draft.module.bare))
+    statements: list[ast.Statement] = []
+    priors = iter(draft.priors)
+    for one in draft.placed:
+        match one.statement:
+            case ast.Objects(declarations):
+                each = tuple(_resolve_declaration(draft, declared, counts) for declared in declarations)
+                statements.append(ast.Objects(each))
+            case ast.Usually():
+                statements.extend(next(priors).written)
+            case statement:
+                statements.append(statement)
+    return print_module(ast.Module(Source("", ""), tuple(statements), draft.module.bare))
 
 
 def _resolve_declaration(draft: Draft, one: ast.Declaration, counts: Mapping[str, int]) -> ast.Declaration:
@@ -437,36 +443,38 @@ def _resolve_declaration(draft: Draft, one: ast.Declaration, counts: Mapping[str
         shape = arm_call(looks)
     elif isinstance(shape, ast.Call) and shape.function.id in FILE_SHAPES:
         looks = draft.shapes[draft.places(draft.scope.things[name])[0]]
-        shape = _call(shape.function.id, ast.Text(looks.path), _outline(looks))
+        shape = written_call(shape.function.id, ast.Text(looks.path), _outline(looks))
     return replace(one, count=count, shape=shape)
 
 
 def _category(kind: Category, picks: Sequence[int]) -> ast.Call:
     """The category with its assets and their outlines; with what is drawn no more."""
-    each = tuple(_call("asset", ast.Text(one.path), _outline(one)) for one in kind.assets)
+    each = tuple(written_call("asset", ast.Text(one.path), _outline(one)) for one in kind.assets)
     picked = [ast.List(tuple(ast.Quantity(str(pick), "") for pick in picks))] if any(picks) else []
     weights = tuple(ast.Quantity(str(one), "") for one in kind.weights)
     assets = ast.Weighted(each, weights) if weights else ast.List(each)
-    return _call(WORD, ast.Text(kind.path), assets, *picked)
+    return written_call(WORD, ast.Text(kind.path), assets, *picked)
 
 
 def _outline(looks: Shape) -> ast.Call:
-    height = _number(looks.height)
+    height = written_number(looks.height)
     match looks.footprint:
         case Circle(radius):
-            return _call("cylinder", _number(radius), height)
+            return written_call("cylinder", written_number(radius), height)
         case Box(length, width):
-            return _call("box", _number(length), _number(width), height)
+            return written_call("box", written_number(length), written_number(width), height)
         case footprint:
-            corners = tuple(ast.Point((_number(x), _number(y))) for x, y in footprint.vertices)
-            return _call("prism", ast.List(corners), height)
+            corners = tuple(ast.Point((written_number(x), written_number(y))) for x, y in footprint.vertices)
+            return written_call("prism", ast.List(corners), height)
 
 
-def _call(name: str, *arguments: ast.Expr) -> ast.Call:
+def written_call(name: str, *arguments: ast.Expr) -> ast.Call:
+    """A call as a text has it."""
     return ast.Call(ast.Name(name), tuple(ast.Argument(None, one) for one in arguments))
 
 
-def _number(value: float) -> ast.Expr:
+def written_number(value: float) -> ast.Expr:
+    """A number as a text has it, to the last bit."""
     written = ast.Quantity(repr(abs(value)), "")
     return ast.Negative(written) if value < 0.0 else written
 

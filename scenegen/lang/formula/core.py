@@ -15,6 +15,7 @@ from typing import Literal
 from scenegen.errors import Span
 from scenegen.geometry.footprint import Footprint
 from scenegen.geometry.primitives import Unit
+from scenegen.geometry.quantile import QUANTILE, Quantile
 from scenegen.pose import SIZE
 
 
@@ -37,11 +38,12 @@ class Coord:
 
 @dataclass(frozen=True, slots=True)
 class Apply:
-    """A primitive of PRIMITIVES applied to numbers, and to the footprints `shapes` before them, if any."""
+    """A primitive of PRIMITIVES applied to numbers, and to the footprints `shapes` before them, if any. The quantiles
+    that samplers write instead of coordinates with a prior have theirs there."""
 
     primitive: str
     args: tuple[int, ...]
-    shapes: tuple[Footprint, ...] = ()
+    shapes: tuple[Footprint | Quantile, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +147,17 @@ def gate(core: Core) -> Core:
     if core.requirement is None:
         return core
     return replace(core, labels={**core.labels, REQUIRE: core.requirement}, requirement=None)
+
+
+def is_coordinate(nodes: Sequence[Node], index: int) -> bool:
+    """Whether a node is a coordinate: of storage, or one with a prior as samplers write it, alone or added to what it
+    is relative to."""
+    node = nodes[index]
+    if isinstance(node, Coord):
+        return True
+    if isinstance(node, Apply) and node.primitive == "add":
+        node = nodes[node.args[1]]
+    return isinstance(node, Apply) and node.primitive == QUANTILE
 
 
 def needed_nodes(core: Core) -> set[int]:

@@ -24,7 +24,7 @@ from scenegen.geometry.footprint import Circle, Footprint, measures
 from scenegen.geometry.namespace import turning
 from scenegen.geometry.primitives import argument_kinds
 from scenegen.lang.formula.capped import NO_CAPPED, CappedMinima, CappedNumbers, find_capped
-from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node, children, last_uses
+from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node, children, is_coordinate, last_uses
 from scenegen.pose import FLAT, PLACE, THETA, owner, rows_along
 
 # The least of many gaps, of which only those are computed that can be the least.
@@ -134,7 +134,7 @@ def _gap_below(core: Core, index: int, uses: Sequence[int], fixed: bool) -> _Fou
         return None
     if all(isinstance(shape, Circle) for shape in node.shapes):
         return None  # as cheap as its bounds
-    moving = [isinstance(core.nodes[arg], Coord) for arg in node.args]
+    moving = [is_coordinate(core.nodes, arg) for arg in node.args]
     return (below, node, less) if (any(moving) if fixed else all(moving)) else None
 
 

@@ -258,6 +258,14 @@ class CameraDeclaration(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class Usually(Node):
+    """`usually THING, ... ~ DISTRIBUTION`: where things usually are, or, of `theta(...)`, how they are turned."""
+
+    things: tuple[Expr, ...]
+    distribution: Expr
+
+
+@dataclass(frozen=True, slots=True)
 class Parameter(Node):
     name: Name
     default: Expr | None
@@ -303,7 +311,18 @@ class Moves(Node):
 
 
 Statement = (
-    Workspace | Objects | Region | Constant | CameraDeclaration | Definition | Require | Import | Label | Time | Moves
+    Workspace
+    | Objects
+    | Region
+    | Constant
+    | CameraDeclaration
+    | Usually
+    | Definition
+    | Require
+    | Import
+    | Label
+    | Time
+    | Moves
 )
 
 
@@ -391,6 +410,8 @@ def expressions(statement: Statement) -> tuple[Expr, ...]:
             return (statement.value,)
         case CameraDeclaration(_, eye, target, field_of_view, width, height):
             return (eye, target, field_of_view, width, height)
+        case Usually(things, distribution):
+            return (*things, distribution)
         case Import():
             return (statement.path,)
         case Time():

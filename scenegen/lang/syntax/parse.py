@@ -257,6 +257,10 @@ class Builder:
         eye, target, field, width, height = _nodes(items)
         return ast.CameraDeclaration(_name(items[1]), eye, target, field, width, height, **_extent(items))
 
+    def usually(self, items: list[Any]) -> ast.Usually:
+        *things, distribution = _nodes(items)
+        return ast.Usually(tuple(things), distribution, **_extent(items))
+
     def define(self, items: list[Any]) -> ast.Definition:
         *parameters, body = _nodes(items)
         return ast.Definition(_name(items[1]), tuple(parameters), body, **_extent(items))
@@ -390,7 +394,10 @@ MAX_QUANTIFIERS = 100  # inside each other: whatever walks a formula carries the
 MOST_ERRORS = 20  # of one run; more than that usually come from one mistake
 
 _STATEMENT_RULES = frozenset(
-    "workspace objects robots region const camera define require import_ label time_steps time_span moves".split()
+    (
+        *"workspace objects robots region const camera usually define require import_ label".split(),
+        *"time_steps time_span moves".split(),
+    )
 )
 
 

@@ -283,6 +283,9 @@ def head(statement: ast.Statement) -> Pieces:
             yield from ("looks", SPACE, "at", SPACE, ExpressionPart(target, POSTFIX), SPACE, "fov", SPACE)
             yield from (ExpressionPart(field, SUM), ",", SPACE)
             yield from (ExpressionPart(width, SUM), ":", ExpressionPart(height, SUM))
+        case ast.Usually(things):
+            each = ([ExpressionPart(one, POSTFIX)] for one in things)
+            yield from ("usually", SPACE, FILL, INWARD, *_separate(each), OUTWARD, CLOSE, SPACE, "~")
         case ast.Definition(name, parameters):
             yield from ("def", SPACE, name.id, *_enclose("(", map(_parameter, parameters), ")"), SPACE, "=")
         case ast.Require():
@@ -306,7 +309,7 @@ def tail(statement: ast.Statement) -> ExpressionPart | None:
             return ExpressionPart(formula, 0, indent=0, joins=isinstance(formula, ast.And | ast.Or))
         case ast.Constant(_, value):
             return ExpressionPart(value, SUM, indent=0)
-        case ast.Region(_, shape):
+        case ast.Region(_, shape) | ast.Usually(_, shape):
             return ExpressionPart(shape, POSTFIX, indent=0)
         case _:
             return None

@@ -263,9 +263,9 @@ def openings(text: str, scanned: Iterable[Token]) -> Iterator[tuple[int, int]]:
             inside = braces > 0 or (not token.first and (depth > 0 or quantifiers > 0))
             opens = _opens_label(text, token, previous, inside)
         else:
-            # `camera` and `robot` are names elsewhere
+            # `camera`, `usually` and `robot` are names elsewhere
             named = following is not None and following.kind == "name"
-            known = token.text in STATEMENTS or (named and token.text == "camera")
+            known = token.text in STATEMENTS or (named and token.text in ("camera", "usually"))
             opens = known and _opens_keyword(text, token, previous, following)
             opens = opens or (named and token.text == ROBOT and token.first)
         if opens:

@@ -24,7 +24,7 @@ from scenegen.arrays import Array
 from scenegen.geometry import Footprint
 from scenegen.geometry.footprint import POINT, Circle
 from scenegen.geometry.interval import Interval, narrows_poses
-from scenegen.geometry.primitives import argument_kinds
+from scenegen.geometry.primitives import PRIMITIVES, argument_kinds
 from scenegen.lang.formula.core import (
     REQUIRE,
     Apply,
@@ -48,7 +48,7 @@ from scenegen.search.tape import make_tape
 
 def nodes_read(node: Node) -> list[int]:
     """The nodes that a value depends on: a circle's heading is not one of them."""
-    if not isinstance(node, Apply) or not node.shapes:
+    if not isinstance(node, Apply) or not PRIMITIVES[node.primitive].spatial:
         return list(children(node))
     read: list[int] = []
     at = 0

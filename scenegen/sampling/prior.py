@@ -1,0 +1,286 @@
+"""The base distribution of a spec with priors, as a function of uniform numbers.
+
+Samplers draw boxes of uniform numbers. So the spec is pulled back: wherever its formulas read a coordinate that has a
+prior, they get the `quantile` of numbers that are uniform over the same box. A scene of the pulled-back spec, drawn
+exactly by any sampler, is then placed: its numbers become coordinates. Shares of the box are probabilities of the prior,
+bounds and contraction go through quantiles, and a narrow prior costs no rejections. Coordinates that are held keep their
+values.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from scenegen.arrays import Array
+from scenegen.geometry import NUMPY
+from scenegen.geometry.footprint import Box, Circle, Point, Rectangle, clip, corners
+from scenegen.geometry.quantile import DISC_CORNERS, QUANTILE, NormalRun, Quantile, Run, UniformRun, region_runs
+from scenegen.geometry.workspace import wrap_headings
+from scenegen.lang.formula.core import Apply, Const, Coord, Node, nodes_below, renumber
+from scenegen.lang.formula.interpret import Numbers, fold
+from scenegen.lang.prior import Normal, Prior, Recorded, UniformHeading, UniformPlace, prior_rows
+from scenegen.lang.spec import CheckedSpec, Region
+from scenegen.pose import PLACE, THETA, X, axis_of, owner, row_of
+from scenegen.sampling.plan import Account, Piece, Plan, Selection, Tally, digest, verify
+from scenegen.sampling.problem import Problem, over_numbers
+from scenegen.search.effort import Effort
+
+RIGHT_ANGLE_TOLERANCE = 1e-12  # radians: a region turned by less from the axes is a rectangle along them
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BaseDistribution:
+    """How uniform numbers become coordinates: `at` maps each row that has a prior to its node on a tape over the rows
+    of uniform numbers; `ends` are the least and the largest value of such a row, which rounding could miss."""
+
+    nodes: tuple[Node, ...]
+    at: dict[int, int]
+    ends: dict[int, tuple[float, float]]
+
+    def poses(self, rows: Array, given: Array | None = None) -> Array:
+        """The scenes (3N, B) that uniform numbers are, headings in [0, 2 pi). Coordinates that are `given` (3N, B), not
+        NaN, are these, and what is relative to them follows."""
+        placed = fold(self.nodes, _Placed(rows, given, {node: row for row, node in self.at.items()}))
+        out = rows.copy() if given is None else np.where(np.isnan(given), rows, given)
+        for row, node in self.at.items():
+            out[row] = placed[node] if axis_of(row) == THETA else np.clip(placed[node], *self.ends[row])
+        return wrap_headings(out)
+
+
+class _Placed(Numbers):
+    """Rows of uniform numbers as coordinates; those that are given as they are."""
+
+    def __init__(self, rows: Array, given: Array | None, coordinates: dict[int, int]) -> None:
+        super().__init__(NUMPY, list(rows))
+        self._given, self._coordinates = given, coordinates
+
+    def coordinate(self, index: int, node: Coord) -> Any:
+        return self.rows[node.row]
+
+    def apply(self, index: int, node: Apply, args: list[Any]) -> Any:
+        value = super().apply(index, node, args)
+        row = self._coordinates.get(index)
+        if self._given is None or row is None:
+            return value
+        return np.where(np.isnan(self._given[row]), value, self._given[row])
+
+
+def pull_back(spec: CheckedSpec, lowest: Array, highest: Array) -> tuple[CheckedSpec, BaseDistribution]:
+    """The spec over uniform numbers, and what these become; `lowest` and `highest` (3N,) are the box of poses, with
+    equal ends where a coordinate is held."""
+    writer = _Writer(spec, lowest, highest)
+    place: dict[int, int] = {}
+    for index, node in enumerate(spec.core.nodes):
+        place[index] = writer.coordinate(node.row) if isinstance(node, Coord) else writer.add(renumber(node, place))
+    labels = {name: place[node] for name, node in spec.core.labels.items()}
+    required = None if spec.core.requirement is None else place[spec.core.requirement]
+    at = {row: writer.coordinate(row) for row in sorted(writer.priors)}
+    core = replace(spec.core, nodes=tuple(writer.nodes), labels=labels, requirement=required)
+    needed = max(nodes_below(writer.nodes, at.values()), default=-1) + 1
+    return replace(spec, core=core), BaseDistribution(tuple(writer.nodes[:needed]), at, {row: (float(lowest[row]), float(highest[row])) for row in at})
+
+
+@dataclass(slots=True)
+class _Writer:
+    """Collects nodes, and writes coordinates as quantiles."""
+
+    spec: CheckedSpec
+    lowest: Array
+    highest: Array
+    nodes: list[Node] = field(default_factory=list)
+    number: dict[Node, int] = field(default_factory=dict)
+    written: dict[int, int] = field(default_factory=dict)
+    priors: dict[int, Prior] = field(init=False)
+
+    def __post_init__(self) -> None:
+        every = prior_rows(self.spec.priors)
+        self.priors = {row: one for row, one in every.items() if self.lowest[row] < self.highest[row]}
+
+    def add(self, node: Node) -> int:
+        index = self.number.get(node)
+        if index is None:
+            index = self.number[node] = len(self.nodes)
+            self.nodes.append(node)
+        return index
+
+    def coordinate(self, row: int) -> int:
+        """The node of a coordinate."""
+        if row not in self.priors:
+            return self._number(row)
+        if row not in self.written:
+            self.written[row] = self._quantile(row, self.priors[row])
+        return self.written[row]
+
+    def _number(self, row: int) -> int:
+        return self.add(Coord(owner(row), axis_of(row)))
+
+    def _quantile(self, row: int, prior: Prior) -> int:
+        thing, axis = owner(row), axis_of(row)
+        chooser = row
+        if prior.part == "place":
+            chooser = row_of(thing, X)
+        elif prior.part == "pose":
+            chooser = row_of(prior.things[0], X)
+        given: list[int] = []
+        runs, weights = list[Run](), list[float]()
+        for option, weight in zip(prior.options, prior.weights, strict=True):
+            made = self._runs(option, prior, thing, axis, given)
+            runs.append(made)
+            weights += [weight / made.count] * made.count
+        ends = np.cumsum(weights) / sum(weights)
+        ends[-1] = 1.0
+        ranges = self._range(chooser), self._range(row)
+        first = runs[0]
+        relative = len(ends) == 1 and isinstance(first, NormalRun) and isinstance(first.middle, int)
+        if relative:  # a sum: what is asked of how they lie to each other is asked of the offset
+            runs = [replace(first, offset=True)]
+        of = Quantile(*ranges, ends, tuple(runs), alone=chooser == row)
+        found = self.add(Apply(QUANTILE, (self._number(chooser), self._number(row), *given), (of,)))
+        return self.add(Apply("add", (given[0], found))) if relative else found
+
+    def _range(self, row: int) -> tuple[float, float]:
+        return float(self.lowest[row]), float(self.highest[row])
+
+    def _runs(
+        self,
+        option: Normal | UniformPlace | UniformHeading | Recorded,
+        prior: Prior,
+        thing: int,
+        axis: int,
+        given: list[int],
+    ) -> Run:
+        """An option as it says where one coordinate is; `given` gets the nodes that it is relative to."""
+        low, high = self._range(row_of(thing, axis))
+        match option:
+            case Normal(middle, deviation):
+                at = self._argument(self._node(prior.nodes, middle[0 if axis == THETA else axis]), given)
+                if axis == THETA:
+                    return NormalRun(at, deviation, -math.inf, math.inf, math.pi)
+                return NormalRun(at, deviation, low, high)
+            case UniformHeading(first, last):
+                return UniformRun(np.array([first]), np.array([last]))
+            case UniformPlace(region):
+                return self._in_region(region, thing, axis, given)
+            case Recorded(rows, reach, turn):
+                which = prior.things.index(thing)
+                kept = sorted((row for row in rows if self._is_reachable(row, prior.things, reach)), key=_along_curve)
+                middle = np.array([row[which][axis] for row in kept])
+                if axis == THETA:
+                    return UniformRun(middle - min(turn, math.pi), middle + min(turn, math.pi))
+                return UniformRun(np.maximum(middle - reach, low), np.minimum(middle + reach, high))
+
+    def _is_reachable(self, row: Sequence[tuple[float, ...]], things: Sequence[int], reach: float) -> bool:
+        """Whether all the things of a recorded row can be where they were, or near it."""
+        return all(
+            low < pose[axis] + reach and pose[axis] - reach < high
+            for thing, pose in zip(things, row, strict=True)
+            for axis in PLACE
+            for low, high in [self._range(row_of(thing, axis))]
+            if low < high
+        )
+
+    def _node(self, nodes: Sequence[Node], wanted: int) -> int:
+        """The node of a prior's own tape, over coordinates."""
+        place: dict[int, int] = {}
+        for index in sorted(nodes_below(nodes, [wanted])):
+            node = nodes[index]
+            place[index] = self.coordinate(node.row) if isinstance(node, Coord) else self.add(renumber(node, place))
+        return place[wanted]
+
+    def _argument(self, node: int, given: list[int]) -> float | int:
+        """A number, or the place of a node among the arguments."""
+        found = self.nodes[node]
+        if isinstance(found, Const):
+            return float(found.value)
+        if node not in given:
+            given.append(node)
+        return given.index(node)
+
+    def _in_region(self, region: Region, thing: int, axis: int, given: list[int]) -> Run:
+        x, y = (self._range(row_of(thing, one)) for one in PLACE)
+        within = (x[0], y[0], x[1], y[1])
+        points = _corners_of(region, within)
+        if isinstance(region.footprint, Box) and _is_along_axes(region.pose[2]):
+            ends = [point[axis] for point in points]
+            return UniformRun(np.array([min(ends)]), np.array([max(ends)]))
+        if axis == X:
+            return region_runs(points, 0)[0]
+        at = self._argument(self.coordinate(row_of(thing, X)), given)
+        assert isinstance(at, int)
+        return region_runs(points, at)[1]
+
+
+CURVE_BITS, CURVE_STEP = 10, 0.01  # of a coordinate, and metres of the lowest one
+
+
+def _along_curve(row: Sequence[tuple[float, ...]]) -> int:
+    """Where the first thing of a recorded row is along a curve that visits the plane square by square (Morton 1966): rows
+    that follow one another are near each other, so that parts of their order are small parts of the table."""
+    x, y = (int(row[0][axis] / CURVE_STEP) & ((1 << CURVE_BITS) - 1) for axis in PLACE)
+    return sum((x >> bit & 1) << 2 * bit | (y >> bit & 1) << 2 * bit + 1 for bit in range(CURVE_BITS))
+
+
+def _is_along_axes(heading: float) -> bool:
+    return abs(math.remainder(heading, math.pi / 2.0)) < RIGHT_ANGLE_TOLERANCE
+
+
+def _corners_of(region: Region, within: Rectangle) -> tuple[Point, ...]:
+    """The corners of the part of a region that lies in a rectangle."""
+    x, y, theta = region.pose
+    cos, sin = math.cos(theta), math.sin(theta)
+    if isinstance(region.footprint, Circle):
+        turns = [math.tau * k / DISC_CORNERS for k in range(DISC_CORNERS)]
+        outline = [(region.footprint.radius * math.cos(turn), region.footprint.radius * math.sin(turn)) for turn in turns]
+    else:
+        outline = list(corners(region.footprint))
+    return clip([(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in outline], within)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed(Selection):
+    """A plan over uniform numbers, whose scenes are placed and scored again: `base` says how."""
+
+    base: BaseDistribution
+
+    @property
+    def plan_digest(self) -> str:
+        return digest("placed", self.plan.plan_digest, self.problem.spec.source)
+
+    @property
+    def fact_count(self) -> int:
+        return self.plan.fact_count
+
+    @property
+    def seconds(self) -> float:
+        return self.plan.seconds
+
+    def draw(self, k: int) -> Piece:
+        made = self.plan.draw(k)
+        rows = self.base.poses(made.rows)
+        with np.errstate(all="ignore"):  # as in the plan: candidates out of the range may be anywhere
+            phi = self.problem.phi(rows)
+        # headings lose full turns, which can move phi by a rounding across the end of a cell
+        cell = np.where(self.cells.find(phi) == made.cell, made.cell, -1)
+        return Piece(rows, phi, cell, made.facts)
+
+    def account(self, tally: Tally) -> Account:
+        return self.plan.account(tally)
+
+    def shortfall_of(self, tally: Tally) -> tuple[Plan, int | None]:
+        return self.plan.shortfall_of(tally)
+
+    def check(self, rows: Array, phi: Array) -> None:
+        verify(self.problem, rows, phi)
+
+
+def plan_placed(problem: Problem, make: Callable[[Problem], Plan], effort: Effort) -> Placed:
+    """The plan of a problem whose spec has priors: `make` makes one of the pulled-back problem. Raises RequestError
+    where that is proved to be impossible, and what `make` and `effort` raise."""
+    spec, base = pull_back(problem.spec, problem.lowest, problem.highest)
+    inner = make(over_numbers(problem, spec, effort))
+    return Placed(problem, inner, base=base, why=inner.why)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -41,13 +41,14 @@ class Case:
     probability_of_surfaces: float = 1.0
 
     @property
-    def text(self) -> str:
-        return (SPECS / f"{self.spec}.spec").read_text(encoding="utf-8")
+    def path(self) -> Path:
+        return SPECS / f"{self.spec}.spec"
 
     @property
     def uniform_text(self) -> str:
         """The same spec without its priors."""
-        return "".join(line for line in self.text.splitlines(True) if not line.startswith("usually "))
+        lines = self.path.read_text(encoding="utf-8").splitlines(True)
+        return "".join(line for line in lines if not line.startswith("usually "))
 
 
 def narrow(d: Draws) -> Drawn:
@@ -154,6 +155,7 @@ def choices(d: Draws) -> Drawn:
 
 
 def shelf(d: Draws) -> Drawn:
+    d = replace(d, x=(0.1, 0.9), y=(0.7, 0.95))  # what stands on a surface is cut off at the rectangle round it
     jar = d.normal(0.5, 0.8, 0.1)
     cans = [d.normal(*jar, 0.1) for _ in range(2)]
     return Drawn([(place, d.circle()) for place in (jar, *cans, d.normal(jar[0], 0.82, 0.1))])

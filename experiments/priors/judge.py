@@ -95,7 +95,7 @@ def judged(folder: Path, name: str, methods: Sequence[str], n: int, seed: int) -
     """A row of the table for each method, and for Scenic where it has scenes."""
     case, truth = CASES[name], Truth.load(folder / f"{name}.npz")
     rng = np.random.default_rng([seed, *name.encode()])
-    spec = spec_of(case, case.text)
+    spec = spec_of(case, priors=True)
     for method in methods:
         began = time.process_time()
         try:
@@ -140,16 +140,16 @@ def _agree(truth: Truth, log10: object, error: object) -> tuple[bool, str]:
 def timed(folder: Path, name: str, seed: int) -> list[str]:
     """What 1,000 scenes cost."""
     case, truth = CASES[name], Truth.load(folder / f"{name}.npz")
-    ours, flat = (_seconds(case, text, seed) for text in (case.text, case.uniform_text))
+    ours, flat = (_seconds(case, priors, seed) for priors in (True, False))
     plain = 1e3 * truth.seconds / truth.rows.shape[1] if truth.tries else math.inf
     slowed = ours / flat
     verdict = "passes" if slowed <= (3.0 if name == "crowd" else 2.0) and ours <= plain else "FAILS"
     return [name, f"{ours:.3f}", f"{flat:.3f}", f"{slowed:.2f}", f"{plain:.3f}", verdict]
 
 
-def _seconds(case: Case, text: str, seed: int) -> float:
+def _seconds(case: Case, priors: bool, seed: int) -> float:
     """The least over the seeds."""
-    spec, found = spec_of(case, text), []
+    spec, found = spec_of(case, priors=priors), []
     for one in range(seed, seed + SPEED_SEEDS):
         began = time.process_time()
         made = sample(

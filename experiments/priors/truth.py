@@ -19,7 +19,7 @@ import numpy as np
 
 from experiments.priors.cases import CASES, Case
 from experiments.priors.draws import Bools, Draws, Floats
-from scenegen.api.spec import Spec, parse
+from scenegen.api.spec import Spec, load, parse
 from scenegen.geometry.namespace import NUMPY
 from scenegen.lang.formula.core import gate
 from scenegen.lang.formula.interpret import phi
@@ -52,15 +52,15 @@ class Truth:
             )  # fmt: skip
 
 
-def spec_of(case: Case, text: str) -> Spec:
-    """The spec of a text of the case, with the case's number of blocks. Raises SpecError."""
-    spec = parse(text, str(Path(__file__).parent / "specs" / f"{case.spec}.spec"))
+def spec_of(case: Case, *, priors: bool) -> Spec:
+    """The case's spec, with its number of blocks. Raises SpecError."""
+    spec = load(case.path) if priors else parse(case.uniform_text, f"{case.spec} without priors")
     return spec if case.count is None else spec.with_counts({"block": case.count})
 
 
 def plain_rejection(case: Case, scenes: int, seconds: float, seed: int) -> Truth:
     """So many scenes, or as many as are found in the seconds of CPU time."""
-    spec = spec_of(case, case.uniform_text)
+    spec = spec_of(case, priors=False)
     rng = np.random.default_rng([seed, *case.spec.encode(), case.count or 0])
     kept: list[Floats] = []
     tries = found = 0
@@ -139,9 +139,10 @@ def _from_prior(can: int, n: int, rng: np.random.Generator) -> Floats:
 
 
 def _fits(places: Floats, can: int, wanted: tuple[float, float]) -> Bools:
-    """Whether the can is clear of the others, and the first two as far apart as is asked for."""
+    """Whether the can is in the workspace and clear of the others, and the first two are as far apart as asked for."""
     apart = np.hypot(*(places - places[can]).transpose(1, 0, 2))
-    found: Bools = (np.delete(apart, can, axis=0) >= 2.0 * RADIUS).all(axis=0)
+    found: Bools = (np.abs(places[can] - 0.5) <= 0.5 - RADIUS).all(axis=0)
+    found &= (np.delete(apart, can, axis=0) >= 2.0 * RADIUS).all(axis=0)
     if can < 2 and len(places) > 1:
         found &= (apart[1 - can] >= 0.4 - wanted[1]) & (apart[1 - can] <= 0.4 - wanted[0])
     return found
@@ -155,7 +156,7 @@ def _move(places: Floats, can: int, wanted: tuple[float, float], rng: np.random.
     if can and rng.random() < 0.5:  # the prior is flat there
         to = was + rng.normal(0.0, STEP, was.shape)
     places[can] = to
-    back = ~(_fits(places, can, wanted) & (to >= 0.0).all(axis=0) & (to <= 1.0).all(axis=0))
+    back = ~_fits(places, can, wanted)
     places[can][:, back] = was[:, back]
 
 

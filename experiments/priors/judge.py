@@ -73,9 +73,7 @@ def compare(truth: Floats, made: Floats, names: Sequence[str], share: float, rng
     n = truth.shape[1]
     sliced = max(ks_distance(along[:n, k], along[n:, k]) for k in range(DIRECTIONS))
     worth = made[:, : max(2, int(made.shape[1] * share))]
-    energy = energy_test(
-        truth[:poses], worth[:poses], rng, permutations=PERMUTATIONS, most=MOST_IN_ENERGY_TEST
-    )
+    energy = energy_test(truth[:poses], worth[:poses], rng, permutations=PERMUTATIONS, most=MOST_IN_ENERGY_TEST)
     return Distances(*max(found), sliced, energy.p)
 
 

@@ -177,7 +177,9 @@ def main() -> None:
             found = plain_rejection(case, given.scenes, given.seconds, given.seed)
         found.save(given.folder / f"{name}.npz")
         n = found.rows.shape[1]
-        print(f"{name}: {n} scenes in {found.seconds:.0f} s, log10 P {found.log10:.4f} +- {found.error:.4f}", flush=True)
+        print(
+            f"{name}: {n} scenes in {found.seconds:.0f} s, log10 P {found.log10:.4f} +- {found.error:.4f}", flush=True
+        )
 
 
 if __name__ == "__main__":

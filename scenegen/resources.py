@@ -15,7 +15,7 @@ from pathlib import Path
 __version__ = "0.2.0"
 
 # as in pyproject.toml
-PAGES = ("arms", "assets", "language", "language-models", "models", "not-here", "pictures", "time")
+PAGES = ("arms", "assets", "language", "language-models", "models", "not-here", "pictures", "priors", "time")
 
 _PACKAGE = Path(__file__).resolve().parent
 inputs: ContextVar[set[str] | None] = ContextVar("inputs", default=None)  # set for as long as a command writes

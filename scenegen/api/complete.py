@@ -171,8 +171,8 @@ def _given_rows(problem: Problem, given: Array) -> Array:
 def _draw_candidates(
     problem: Problem, held: Array, request: SampleRequest, began: float
 ) -> tuple[Array, npt.NDArray[np.bool_], int]:
-    """The rows of every scene, (R, n), of which there are some, and the number of candidates. These are uniform where
-    nothing is given: the first one that is in the range is exactly distributed."""
+    """The rows of every scene, (R, n), of which there are some, and the number of candidates. These follow the base
+    distribution where nothing is given: the first one that is in the range is exactly distributed."""
     count = held.shape[1]
     found, hit = np.full(held.shape, np.nan), np.zeros(count, dtype=bool)
     generator = np.random.default_rng(np.random.SeedSequence([request.seed, COMPLETION_STREAM]))
@@ -181,6 +181,11 @@ def _draw_candidates(
     wanted = np.concatenate([generator.permutation(possible) for _ in range(0, count, len(possible))])[:count]
     draws = 0
     span = (problem.highest - problem.lowest)[:, None]
+    base = None
+    if problem.spec.priors:
+        from scenegen.sampling.prior import pull_back
+
+        _, base = pull_back(problem.spec, problem.lowest, problem.highest)
     for turn in range(MAX_COMPLETION_ROUNDS):
         waiting = np.flatnonzero(~hit)
         if not len(waiting) or time.monotonic() - began > request.timeout:
@@ -190,7 +195,7 @@ def _draw_candidates(
         draws += each * len(some)
         rows = problem.lowest[:, None] + span * generator.random((len(held), len(some) * each))
         given = np.repeat(held[:, some], each, axis=1)
-        rows = np.where(np.isnan(given), rows, given)
+        rows = np.where(np.isnan(given), rows, given) if base is None else base.poses(rows, given)
         cell = cells.find(problem.phi(rows)).reshape(len(some), each)
         strict = request.spread == "flat" and turn < MAX_COMPLETION_ROUNDS // 2
         fits = cell == wanted[some, None] if strict else cell >= 0

@@ -211,13 +211,17 @@ def _measure(
 
     checked = spec.checked
     lowest, highest = checked.box()
+    if checked.priors:
+        from scenegen.sampling.prior import pull_back
+
+        checked, _ = pull_back(checked, lowest, highest)
     if needs_growth(checked, labels):
         try:
             return measure_by_growth(checked, labels, seed, deadline=budget.ends)
         except RequestError as error:
             raise _clash(spec, budget) or error from None
     found = measure(checked.core, lowest, highest, labels, seed, work=work, stop=_Until(budget))
-    excess = checked.workspace.log_excess(lowest, highest, len(checked.objects))
+    excess = checked.log_excess(lowest, highest)
     if isinstance(found, RequirementUnmet):
         try:
             return measure_by_growth(checked, labels, seed, deadline=budget.ends)

@@ -27,6 +27,7 @@ from scenegen.errors.files import (
 from scenegen.errors.requests import NO_SCENES, OUT_OF_PLACE, OUT_OF_RANGE, UNKNOWN_OBJECT, WRONG_VALUE
 from scenegen.geometry.workspace import upright
 from scenegen.lang.spec import CheckedSpec
+from scenegen.lang.tables import Table
 from scenegen.pose import NAMES, X, as_rows
 from scenegen.scenes.arrange import doubts_of
 from scenegen.scenes.blocks import SceneFileReading, counts_in
@@ -36,7 +37,6 @@ from scenegen.scenes.formats import registry as table
 from scenegen.scenes.formats.header import not_scenes, parse
 from scenegen.scenes.formats.scenes_json import MAX_JSON_BYTES, REMEDY
 from scenegen.scenes.formats.settled import is_settled, read_settled
-from scenegen.lang.tables import Table
 from scenegen.scenes.formats.tables import is_plain, read_table
 from scenegen.scenes.locations import as_location, is_set
 from scenegen.validation import as_int, as_path

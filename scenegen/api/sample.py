@@ -206,5 +206,13 @@ def glimpse(
     request = SampleRequest(read_phi(spec, phi), n, seed=seed, method="growth", fix=wanted, timeout=timeout)
     budget = Budget(timeout)
     problem = make_problem(spec.checked, check_request(spec, request), budget, rounds=GLIMPSE_ROUNDS, most=n)
-    rows = grown(problem, budget, n)
+    if problem.spec.priors:
+        from scenegen.sampling.prior import over_uniform
+        from scenegen.search.effort import Effort
+
+        over, base = over_uniform(problem, Effort(lambda: budget.overdrawn))
+        rows = base.poses(grown(over, budget, n))
+        rows = rows[:, problem.cells.find(problem.phi(rows)) >= 0]
+    else:
+        rows = grown(problem, budget, n)
     return scenes_of(problem, {"method": "glimpse", "seed": seed}, rows, problem.phi(rows))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from itertools import groupby
 from math import nan
 from pathlib import Path
-from textwrap import wrap
+from textwrap import shorten, wrap
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -21,6 +21,7 @@ from scenegen.cli.output import complain, detail, flag, print_json, tree
 from scenegen.errors import ScenegenError, Source, to_json
 from scenegen.errors.declarations import NOT_LOOKED_AT
 from scenegen.lang.formula.core import REQUIRE
+from scenegen.lang.prior import prior_text
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 from scenegen.lang.syntax.printer import print_statement
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from scenegen.api.feasibility import UnsatisfiedLabel
     from scenegen.errors import Diagnostic
     from scenegen.lang.formula.timed import Horizon
+    from scenegen.lang.prior import Prior
 
 
 OPEN_QUESTION = "rough: a quick look found no scene {}, nor a proof that there is none"
@@ -152,6 +154,7 @@ def _facts(spec: Spec) -> dict[str, Any]:
         "labels": {name: list(bounds) for name, bounds in spec.bounds().items()},
         "source": spec.source,
         **_time(spec),
+        **({"usually": [_prior(spec, one, None) for one in priors]} if (priors := spec.definition.priors) else {}),
         **({"counts": {name: list(ends) for name, ends in spec.counts.items()}} if spec.counts else {}),
     }
 
@@ -179,6 +182,7 @@ def _as_json(problem: Diagnostic) -> dict[str, Any]:
 PAGE_LINES = 40  # of a page, at most
 PAGE_WIDTH = 110  # columns of a page that goes to no terminal
 NAME_LINES = 3  # lines of names
+PRIOR_LINES = 8  # lines of where things usually are
 SHAPE_LINES = 8  # lines of shapes and sizes
 HEAD_LINES = 3  # lines of a label: a blank one, its bounds, and its formula
 MAX_FULL_LINES = 100_000  # lines of `--full`: a formula whose definitions use each other twice can have 2^50
@@ -268,6 +272,19 @@ def _head(spec: Spec, width: int | None) -> Iterator[str]:
         yield f"  {'' if number else 'sizes':<9}  {line}"
     for kind, names in (("fixed", held), ("regions", regions)):
         yield from _name_lines(kind, names, width)
+    shown = checked.priors if width is None else checked.priors[:PRIOR_LINES]
+    for number, prior in enumerate(shown):
+        yield f"  {'' if number else 'usually':<9}  {_prior(spec, prior, width)}"
+    if len(shown) < len(checked.priors):
+        yield f"{'':<13}... and {len(checked.priors) - len(shown):,} more"
+
+
+def _prior(spec: Spec, prior: Prior, width: int | None) -> str:
+    """What a `usually` statement says, on one line."""
+    objects = spec.definition.core.objects
+    names = [objects[which] for which in prior.things]
+    told = prior_text(prior, names if width is None else arrays(names), objects)
+    return told if width is None else shorten(told, max(20, width - 13), placeholder=" ...")
 
 
 def _name_lines(kind: str, names: Sequence[str], width: int | None) -> Iterator[str]:

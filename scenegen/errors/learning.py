@@ -128,7 +128,10 @@ NO_TIME_TO_TRAIN = Kind(
 )
 UNKNOWN_TO_MODEL = Kind(
     "unknown-to-model",
-    "the weights of this model do not know {names:quoted}, of which the formula is made",
+    (
+        "{usually:?}this model knows no spec that says where things usually are",
+        "the weights of this model do not know {names:quoted}, of which the formula is made",
+    ),
     help="draw exact scenes, or train a model of the spec",
 )
 TOO_MANY_TO_TRAIN = Kind(

@@ -29,11 +29,16 @@ WRONG_PRIOR = Kind(
     (
         "{held:?}`{held}` is held in place",
         "{mixed:?}a statement is about places or about headings",
-        "{twice:?}where `{twice}` is was said before",
-        "{turned:?}how `{turned}` is turned was said before",
+        "{twice:?}`{twice}` has two statements about its place",
+        "{turned:?}`{turned}` has two statements about its heading",
         "`usually` is about things and their headings",
     ),
-    ("{held:?}", "{mixed:?}this is the other one", "{first:?}at {first}", "expected an object, an array or theta(...)"),
+    (
+        "{held:?}",
+        "{mixed:?}this is the other one",
+        "{first:?}the other one is at {first}",
+        "expected an object, an array or theta(...)",
+    ),
     (
         "{held:?}leave out `at` in its declaration, or this statement",
         "{mixed:?}write two statements: usually mug ~ ... and usually theta(mug) ~ ...",
@@ -57,9 +62,9 @@ PRIOR_OUTSIDE = Kind(
 CIRCULAR_PRIOR = Kind(
     "circular-prior",
     (
-        "{way:?}where these things usually are goes round in a circle",
+        "{way:?}these things are relative to each other in a circle",
         "{switch:?}where things usually are cannot depend on which surface is taken",
-        "where `{name}` usually is depends on `{name}` itself",
+        "`{name}` is relative to itself",
     ),
     "{way}",
     (
@@ -72,8 +77,9 @@ WRONG_SPREAD = Kind(
     "wrong-spread",
     (
         "{turn:?}headings cannot turn by more than half a turn in either direction",
-        "{low:?}headings from {low:g} to {high:g} deg are {span}",
-        "{what} is larger than {least:g} {unit}",
+        "{wide:?}headings from {low:g} to {high:g} deg are more than a turn",
+        "{low:?}there are no headings from {low:g} up to {high:g} deg",
+        "{what} is at least {least:g} {unit}",
     ),
     ("{turn:?}", "{low:?}", "this one is {width:g} {unit}"),
     (
@@ -87,15 +93,15 @@ WRONG_POSES = Kind(
     "wrong-poses",
     (
         "{most:?}{rows:,} rows of poses are more than {most:,}",
-        "{given:?}a row has {given} poses, not {wanted}",
+        "{given:?}a row has a pose for each of {things:quoted8}",
         "{listed:?}this is no recorded pose",
         "{file} has no recorded poses: {reason}",
         "recorded poses are those of a file",
     ),
-    ("{listed:?}expected {expected}",),
+    ("{given:?}this one has {given}", "{listed:?}expected {expected}"),
     (
         "{most:?}keep every tenth, or those that differ most",
-        "{given:?}one for each of {things:list}",
+        "{given:?}write {wanted} of them in each row: [[(0.1, 0.2, 30 deg), (0.3, 0.2, 0)], ...]",
         "{listed:?}write (x, y, theta), in metres and radians: poses([(0.1, 0.2, 30 deg), ...], 1 cm, 5 deg)",
         "{file:?}a row is a scene: columns mug.x, mug.y in metres and mug.theta in radians of every thing",
         'write poses("logs.csv", 1 cm, 5 deg)',

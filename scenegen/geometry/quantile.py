@@ -309,7 +309,9 @@ def narrow_quantile(of: Quantile, wanted: Ends, chooser: Ends, number: Ends, *gi
     possible = found.possible & (found.low <= high) & (found.high >= low)
     shares = [run.shares((low, high), given) for run in of.runs]
     least, most = (
-        np.concatenate([np.broadcast_to(one[end], (run.count, *shape)) for one, run in zip(shares, of.runs, strict=True)])
+        np.concatenate(
+            [np.broadcast_to(one[end], (run.count, *shape)) for one, run in zip(shares, of.runs, strict=True)]
+        )
         for end in (0, 1)
     )
     least = np.fmax(least - ROUNDING, found.u[0])  # of the two, the one that is a number
@@ -391,7 +393,8 @@ def _within(mark: Array, starts: Array, ends: Array) -> Array:
 
 
 def _unit(value: Any, ends: tuple[float, float]) -> Array:
-    return np.asarray((np.asarray(value, dtype=np.float64) - ends[0]) / (ends[1] - ends[0]))
+    """A uniform number as a share of its range, 0..1, which rounding could leave."""
+    return np.asarray(np.clip((np.asarray(value, dtype=np.float64) - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0))
 
 
 def _back(unit: Ends, ends: tuple[float, float]) -> Ends:

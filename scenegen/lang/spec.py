@@ -15,13 +15,13 @@ from scenegen.arrays import Array, Index
 from scenegen.errors import Diagnostic
 from scenegen.geometry.footprint import Footprint
 from scenegen.geometry.workspace import Workspace
+from scenegen.lang.prior import Prior, prior_rows
 from scenegen.pose import X, row_of, rows_of, span_of
 from scenegen.things import Shape, shape_of
 
 if TYPE_CHECKING:
     from scenegen.lang.formula.core import Core
     from scenegen.lang.formula.timed import Timed
-    from scenegen.lang.prior import Prior
 
 Pose = tuple[float, float, float]
 Space = tuple[float, float, float]  # x, y, z
@@ -206,6 +206,14 @@ class CheckedSpec:
             held = span_of(index, len(pose))
             lowest[held] = highest[held] = pose
         return lowest, highest
+
+    def log_excess(self, lowest: Array, highest: Array) -> float:
+        """How much more room the box lowest..highest, (3N,) each, leaves objects than the workspace has, as the natural
+        logarithm of a share of volumes. A prior is a density over the room of its own thing: its rows do not count."""
+        if self.priors:
+            rows, lowest = [*prior_rows(self.priors)], lowest.copy()
+            lowest[rows] = highest[rows]
+        return self.workspace.log_excess(lowest, highest, len(self.objects))
 
 
 def options_of(

@@ -162,7 +162,7 @@ def bind_weights(checked: CheckedSpec, budget: CpuBudget) -> TrainedModel:
     """The weights that come with the package, as a model of this spec. Raises RequestError where phi of a label cannot
     vary, and StoppedError where time is up."""
     card, weights = shipped_weights()
-    refuse_unknown(gate(checked.core), GraphHyper.model_validate(card.hyper).primitives)
+    refuse_unknown(checked, gate(checked.core), GraphHyper.model_validate(card.hyper).primitives)
     ends = {label: _reach(checked, label, budget) for label in checked.labels}
     space = checked.workspace
     found = ModelCard(

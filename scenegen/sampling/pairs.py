@@ -154,16 +154,24 @@ def _start_elsewhere(
 
 
 def _elsewhere(problem: Problem, rows: Array, free: Index, moved: int, rng: np.random.Generator) -> Array:
-    """The scenes with so many of the free objects at new poses, uniform over their limits."""
+    """The scenes with so many of the free objects at new poses, each as its prior has it where the others are, or
+    uniform over its limits."""
     low, high, count = problem.lowest, problem.highest, rows.shape[1]
     rank = np.argsort(np.argsort(rng.random((len(free), count)), axis=0), axis=0)
     rows = rows.copy()
+    given = rows.copy()
     for place, thing in enumerate(free.tolist()):
         goes = rank[place] < moved
         for row in rows_of(thing):
             new = low[row] + (high[row] - low[row]) * rng.random(count)
             np.copyto(rows[row], new, where=goes)
-    return rows
+            given[row][goes] = np.nan
+    if not problem.spec.priors:
+        return rows
+    from scenegen.sampling.prior import pull_back
+
+    _, base = pull_back(problem.spec, low, high)
+    return base.poses(rows, given)
 
 
 def _check_pairs(

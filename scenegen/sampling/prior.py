@@ -2,9 +2,9 @@
 
 Samplers draw boxes of uniform numbers. So the spec is pulled back: wherever its formulas read a coordinate that has a
 prior, they get the `quantile` of numbers that are uniform over the same box. A scene of the pulled-back spec, drawn
-exactly by any sampler, is then placed: its numbers become coordinates. Shares of the box are probabilities of the prior,
-bounds and contraction go through quantiles, and a narrow prior costs no rejections. Coordinates that are held keep their
-values.
+exactly by any sampler, is then placed: its numbers become coordinates. Shares of the box are probabilities of the
+prior, bounds and contraction go through quantiles, and a narrow prior costs no rejections. Coordinates that are held
+keep their values.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from scenegen.arrays import Array
 from scenegen.geometry import NUMPY
-from scenegen.geometry.footprint import Box, Circle, Point, Rectangle, clip, corners
+from scenegen.geometry.footprint import Box, Circle, Footprint, Point, Rectangle, clip, corners
 from scenegen.geometry.quantile import DISC_CORNERS, QUANTILE, NormalRun, Quantile, Run, UniformRun, region_runs
 from scenegen.geometry.workspace import wrap_headings
 from scenegen.lang.formula.core import Apply, Const, Coord, Node, nodes_below, renumber
@@ -82,7 +82,8 @@ def pull_back(spec: CheckedSpec, lowest: Array, highest: Array) -> tuple[Checked
     at = {row: writer.coordinate(row) for row in sorted(writer.priors)}
     core = replace(spec.core, nodes=tuple(writer.nodes), labels=labels, requirement=required)
     needed = max(nodes_below(writer.nodes, at.values()), default=-1) + 1
-    return replace(spec, core=core), BaseDistribution(tuple(writer.nodes[:needed]), at, {row: (float(lowest[row]), float(highest[row])) for row in at})
+    ends = {row: (float(lowest[row]), float(highest[row])) for row in at}
+    return replace(spec, core=core), BaseDistribution(tuple(writer.nodes[:needed]), at, ends)
 
 
 @dataclass(slots=True)
@@ -135,13 +136,17 @@ class _Writer:
         ends = np.cumsum(weights) / sum(weights)
         ends[-1] = 1.0
         ranges = self._range(chooser), self._range(row)
-        first = runs[0]
-        relative = len(ends) == 1 and isinstance(first, NormalRun) and isinstance(first.middle, int)
-        if relative:  # a sum: what is asked of how they lie to each other is asked of the offset
-            runs = [replace(first, offset=True)]
+        match runs:
+            case [NormalRun(middle=int()) as run]:  # a sum: what is asked of how they lie is asked of the offset
+                runs = [replace(run, offset=True)]
+                before = given[:1]
+            case _:
+                before = []
         of = Quantile(*ranges, ends, tuple(runs), alone=chooser == row)
-        found = self.add(Apply(QUANTILE, (self._number(chooser), self._number(row), *given), (of,)))
-        return self.add(Apply("add", (given[0], found))) if relative else found
+        # in formulas that people write, the constants of primitives are footprints
+        constants = cast(tuple[Footprint, ...], (of,))
+        found = self.add(Apply(QUANTILE, (self._number(chooser), self._number(row), *given), constants))
+        return self.add(Apply("add", (*before, found))) if before else found
 
     def _range(self, row: int) -> tuple[float, float]:
         return float(self.lowest[row]), float(self.highest[row])
@@ -169,10 +174,10 @@ class _Writer:
             case Recorded(rows, reach, turn):
                 which = prior.things.index(thing)
                 kept = sorted((row for row in rows if self._is_reachable(row, prior.things, reach)), key=_along_curve)
-                middle = np.array([row[which][axis] for row in kept])
+                was = np.array([row[which][axis] for row in kept])
                 if axis == THETA:
-                    return UniformRun(middle - min(turn, math.pi), middle + min(turn, math.pi))
-                return UniformRun(np.maximum(middle - reach, low), np.minimum(middle + reach, high))
+                    return UniformRun(was - min(turn, math.pi), was + min(turn, math.pi))
+                return UniformRun(np.maximum(was - reach, low), np.minimum(was + reach, high))
 
     def _is_reachable(self, row: Sequence[tuple[float, ...]], things: Sequence[int], reach: float) -> bool:
         """Whether all the things of a recorded row can be where they were, or near it."""
@@ -219,8 +224,8 @@ CURVE_BITS, CURVE_STEP = 10, 0.01  # of a coordinate, and metres of the lowest o
 
 
 def _along_curve(row: Sequence[tuple[float, ...]]) -> int:
-    """Where the first thing of a recorded row is along a curve that visits the plane square by square (Morton 1966): rows
-    that follow one another are near each other, so that parts of their order are small parts of the table."""
+    """Where the first thing of a recorded row is along a curve that visits the plane square by square (Morton 1966):
+    rows that follow one another are near each other, so that parts of their order are small parts of the table."""
     x, y = (int(row[0][axis] / CURVE_STEP) & ((1 << CURVE_BITS) - 1) for axis in PLACE)
     return sum((x >> bit & 1) << 2 * bit | (y >> bit & 1) << 2 * bit + 1 for bit in range(CURVE_BITS))
 
@@ -235,7 +240,9 @@ def _corners_of(region: Region, within: Rectangle) -> tuple[Point, ...]:
     cos, sin = math.cos(theta), math.sin(theta)
     if isinstance(region.footprint, Circle):
         turns = [math.tau * k / DISC_CORNERS for k in range(DISC_CORNERS)]
-        outline = [(region.footprint.radius * math.cos(turn), region.footprint.radius * math.sin(turn)) for turn in turns]
+        outline = [
+            (region.footprint.radius * math.cos(turn), region.footprint.radius * math.sin(turn)) for turn in turns
+        ]
     else:
         outline = list(corners(region.footprint))
     return clip([(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in outline], within)
@@ -278,9 +285,16 @@ class Placed(Selection):
         verify(self.problem, rows, phi)
 
 
-def plan_placed(problem: Problem, make: Callable[[Problem], Plan], effort: Effort) -> Placed:
-    """The plan of a problem whose spec has priors: `make` makes one of the pulled-back problem. Raises RequestError
-    where that is proved to be impossible, and what `make` and `effort` raise."""
+def over_uniform(problem: Problem, effort: Effort) -> tuple[Problem, BaseDistribution]:
+    """A problem whose spec has priors over uniform numbers, and what these become. Raises RequestError where it is
+    proved to be impossible, and what `effort` raises."""
     spec, base = pull_back(problem.spec, problem.lowest, problem.highest)
-    inner = make(over_numbers(problem, spec, effort))
+    return over_numbers(problem, spec, effort), base
+
+
+def plan_placed(problem: Problem, make: Callable[[Problem], Plan], effort: Effort) -> Placed:
+    """The plan of a problem whose spec has priors: `make` makes one of the pulled-back problem. Raises what it and
+    `over_uniform` raise."""
+    over, base = over_uniform(problem, effort)
+    inner = make(over)
     return Placed(problem, inner, base=base, why=inner.why)

@@ -139,15 +139,8 @@ class Problem:
     @property
     def log_excess(self) -> float:
         """What to add to the natural logarithm of a share of the box of poses for the probability under the base
-        distribution, in which every centre is uniform over the workspace, whatever the object stands on."""
-        lowest = self.lowest
-        if self.spec.priors:  # each is a density over the room of its own thing
-            from scenegen.lang.prior import prior_rows
-
-            lowest = lowest.copy()
-            rows = [*prior_rows(self.spec.priors)]
-            lowest[rows] = self.highest[rows]
-        return self.spec.workspace.log_excess(lowest, self.highest, len(self.spec.objects))
+        distribution, in which every centre without a prior is uniform over the workspace, whatever it stands on."""
+        return self.spec.log_excess(self.lowest, self.highest)
 
     @property
     def moving(self) -> int:
@@ -242,7 +235,9 @@ def over_numbers(problem: Problem, spec: CheckedSpec, effort: Effort) -> Problem
     core = gate(spec.core)
     tape = make_tape(core, problem.lowest, problem.highest, effort)
     choices = bool(spec.choices)
-    possible, improbable = _possible(core, tape, problem.cells, problem.lowest, problem.highest, effort, choices=choices)
+    possible, improbable = _possible(
+        core, tape, problem.cells, problem.lowest, problem.highest, effort, choices=choices
+    )
     possible, improbable = possible & problem.possible, improbable & problem.possible | problem.improbable
     made = dataclasses.replace(problem, spec=spec, core=core, tape=tape, possible=possible, improbable=improbable)
     if not possible:

@@ -234,8 +234,8 @@ class Stand:
 
 def stands_of(spec: CheckedSpec, lowest: Array, highest: Array) -> tuple[Stand, ...]:
     """What stands on things or on one of several surfaces in a spec with choices, carriers before what they carry. What
-    the box lowest..highest (3N,) holds in place is left out, and what has a prior, or stands on what has one: it is drawn
-    as that says."""
+    the box lowest..highest (3N,) holds in place is left out, and what has a prior, or stands on what has one: it is
+    drawn as that says."""
     if not spec.choices:
         return ()
     waiting = sorted(spec.supports.keys() | spec.choices.keys())

@@ -66,6 +66,7 @@ CLAUSES = {
     "robot",
     "looks",
     "fov",
+    "usually",
 }  # words of declarations that are names elsewhere
 
 

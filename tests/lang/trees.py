@@ -77,11 +77,17 @@ small = st.recursive(leaves, nodes, max_leaves=4)
 intervals = st.builds(ast.Interval, small, small)
 declarations = st.builds(ast.Declaration, names, *[st.none() | small] * 3)
 parameters = st.builds(ast.Parameter, names, st.none() | small)
+drawn = st.one_of(
+    names,
+    st.builds(ast.Index, names, small),
+    st.builds(ast.Call, names, tuples(st.builds(ast.Argument, st.none() | names, small))),
+)
 statements = st.one_of(
     st.builds(ast.Workspace, intervals, intervals),
     st.builds(ast.Objects, tuples(declarations, least=1)),
     st.builds(ast.Region, names, small),
     st.builds(ast.Constant, names, small),
+    st.builds(ast.Usually, tuples(drawn, least=1), small),
     st.builds(ast.Definition, names, tuples(parameters), small),
     st.builds(ast.Require, small),
     st.builds(ast.Import, texts),

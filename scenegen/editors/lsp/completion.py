@@ -112,6 +112,9 @@ def _items(here: _WordAtCursor) -> Iterator[CompletionItem]:
     elif kind == "object" and last.text == "=" and _depth(here.before) == 0:
         yield from _assets(here)
         yield from _functions(here, SHAPE_WORDS)
+    elif kind == "usually" and (last.text == "~" or (last.text in ("[", ",") and _lists_distributions(here.before))):
+        for name, about in vocabulary.DISTRIBUTION_TEXTS.items():
+            yield here.item(name, "keyword", about=about)
     elif kind == "region" and last.text == "=":
         yield from _functions(here, AREAS)
     elif last.text not in ("region", "const", "def", "import", "forall", "exists") and not _in_header(here, kind):
@@ -149,6 +152,7 @@ def _after_operand(here: _WordAtCursor, kind: str) -> Iterator[CompletionItem]:
         yield from _keywords(here, *STATEMENTS)
         yield here.item("camera", "keyword", about=vocabulary.CLAUSE_TEXTS["camera"])
         yield here.item(ROBOT, "keyword", about=vocabulary.CLAUSE_TEXTS[ROBOT])
+        yield here.item("usually", "keyword", about=vocabulary.CLAUSE_TEXTS["usually"])
     if not here.before:
         return
     if kind == "object" and _depth(here.before) == 0:
@@ -204,6 +208,12 @@ def _opens_support(here: _WordAtCursor) -> bool:
     if not _in_support(here.before):
         return False
     return here.back(1) == "on" or (here.back(1), here.back(2)) == ("of", "any") or here.back(1) in ("[", ",")
+
+
+def _lists_distributions(tokens: tuple[Token, ...]) -> bool:
+    """Whether the tokens of a `usually` statement end in the list after `~`, in no bracket inside of it."""
+    after = [at for at, one in enumerate(tokens) if one.text == "~"]
+    return bool(after) and tokens[after[0] + 1].text == "[" and _depth(tokens[after[0] :]) == 1
 
 
 def _supports(here: _WordAtCursor) -> Iterator[CompletionItem]:

@@ -301,6 +301,7 @@ def objects(document: Document) -> str:
     return ", ".join(f"`{one}`" for one in spec.objects[:MAX_LISTED_OBJECTS]) + more
 
 
+_PRIOR_TEXTS = {"usually": names.CLAUSE_TEXTS["usually"], **names.DISTRIBUTION_TEXTS}
 MAX_FORMULA_LENGTH = 80  # characters of a formula that a hover repeats
 
 
@@ -323,7 +324,7 @@ def hover(document: Document, offset: int) -> Hover | None:
         (one for one in document.index.names_between(token.start, token.end) if one.start == token.start), None
     )
     around = extents(document, _place(document, token, found))
-    parts = _about_name(document, found, around) if found is not None else _about_token(token)
+    parts = _about_name(document, found, around) if found is not None else _about_token(document, token)
     start, end = token.start, token.end
     formula = next((one for one in around if one.kind == "formula"), None)
     if found is not None and found.role == "declaration" and found.local is not None and found.local.kind == "label":
@@ -414,9 +415,12 @@ def _name_text(document: Document, binding: Binding, value: list[str]) -> list[s
             return [f"**variable** `{binding.name}` of `{_shorten(quantifier)}`", *value]
 
 
-def _about_token(token: Token) -> list[str]:
-    if token.text in names.KEYWORDS_IN_WORDS:
-        return [f"**{token.text}**: {names.KEYWORDS_IN_WORDS[token.text]}"]
+def _about_token(document: Document, token: Token) -> list[str]:
+    statement = document.index.statement(token.start)
+    prior = statement is not None and statement.kind == "usually"
+    words = {**names.KEYWORDS_IN_WORDS, **(_PRIOR_TEXTS if prior else {})}
+    if token.text in words:
+        return [f"**{token.text}**: {words[token.text]}"]
     if token.kind == "number":
         number = token.text.rstrip("acdegmnrtu%").rstrip()
         suffix = token.text[len(number) :].strip()

@@ -135,6 +135,8 @@ def _kind(tokens: tuple[Token, ...]) -> str:
         return tokens[0].text
     if tokens[0].text == "camera" and len(tokens) > 1 and tokens[1].kind == "name":
         return "camera"
+    if tokens[0].text == "usually" and len(tokens) > 1 and tokens[1].kind == "name":
+        return "usually"
     is_label = len(tokens) > 1 and tokens[1].text == ":" and tokens[0].kind == "name"
     return "label" if is_label else "formula"
 
@@ -231,6 +233,8 @@ class _Walk:
             self._bind("label", token, self.statement.start, self.statement.end)
         elif kind == "camera" and (at == 0 or (depth == 0 and token.text in ("looks", "fov") and at > 1)):
             return  # `camera front = at ... looks at ... fov ...`: no keywords elsewhere
+        elif kind == "usually" and (at == 0 or (token.text in DISTRIBUTION_TEXTS and before in ("~", "[", ",", ""))):
+            return  # `usually mug ~ normal(...)`: names elsewhere
         elif kind in _DECLARING and at == 1:
             self._bind(_DECLARING[kind], token, self.statement.start, self.statement.end)
         elif kind == "object" and at == 0:
@@ -317,9 +321,17 @@ CLAUSE_TEXTS: Mapping[str, str] = {
     "camera": "a camera: camera front = at (0.5, -0.6, 0.7) looks at (0.5, 0.4, 0) fov 60 deg, 4:3",
     "looks at": "the point that a camera looks at: looks at (0.5, 0.4, 0)",
     "fov": "the angle of a picture's height, then its width and height: fov 60 deg, 4:3",
+    "usually": "where a thing usually is: usually mug ~ normal((0.4, 0.3), 5 cm); headings: usually theta(mug) ~ ...",
     "of": 'another asset of an index in each scene: object mug of category("mug")',
     "any of": "one of several surfaces, all equally likely: object mug on any of [tray, workspace]",
     "by area": "surfaces are as likely as they are large: object mug on any of [tray, workspace] by area",
+}
+
+DISTRIBUTION_TEXTS: Mapping[str, str] = {
+    "normal": "normal((0.4, 0.3), 5 cm), normal(saucer, 3 cm), of headings normal(NORTH, 10 deg): a middle, which may "
+    "depend on other things, and the standard deviation",
+    "uniform": "uniform(REGION), of headings uniform(80 deg, 100 deg)",
+    "poses": 'poses("logs.csv", 1 cm, 5 deg): recorded poses, moved by up to so much and turned by up to so much',
 }
 
 BUILT_IN_TEXTS: Mapping[str, str] = {

@@ -123,11 +123,13 @@ def _shape_argument(argument: ast.Argument, scope: Scope, source: Source) -> Ite
 def _prior(statement: ast.Usually, scope: Scope, source: Source) -> Iterator[Diagnostic]:
     """The words of distributions, and the names of files, are the checker's business."""
     of = statement.distribution
-    parts: list[ast.Expr] = [*statement.things]
+    parts: list[ast.Expr] = []
     for one in of.items if isinstance(of, ast.Weighted) else (of,):
-        written = [each.value for each in one.arguments] if isinstance(one, ast.Call) else [one]
-        parts.extend(part for part in written if not isinstance(part, ast.Text))
-    for part in parts:
+        if isinstance(one, ast.Call):
+            parts.extend(each.value for each in one.arguments if not isinstance(each.value, ast.Text))
+        elif not isinstance(one, ast.List | ast.Weighted):
+            parts.append(one)
+    for part in (*statement.things, *parts):
         yield from _expression(part, set(), scope, source, False)
     for weight in of.weights if isinstance(of, ast.Weighted) else ():
         yield from _expression(weight, set(), scope, source, True)

@@ -306,9 +306,8 @@ def _uniform_heading(reader: _Reader, call: ast.Call) -> UniformHeading:
         mended = None
         if high < low < high + TWO_PI - LEAST_SPREAD:
             mended = f"{degrees[0]:g} deg, {degrees[1] + 360.0:g} deg"
-        span = "none" if high <= low + LEAST_SPREAD else "more than a turn"
-        here = call.span(reader.source)
-        raise SpecError(WRONG_SPREAD(here, low=degrees[0], high=degrees[1], span=span, mended=mended))
+        here, wide = call.span(reader.source), high > low + TWO_PI or None
+        raise SpecError(WRONG_SPREAD(here, low=degrees[0], high=degrees[1], wide=wide, mended=mended))
     return UniformHeading(low, min(high, low + TWO_PI))
 
 
@@ -345,7 +344,7 @@ def _recorded(reader: _Reader, call: ast.Call) -> tuple[Recorded, ast.Call]:
     rows = _from_file(reader, said, here) if isinstance(said, ast.Text) else _from_list(reader, said)
     if len(rows) > MAX_ROWS:
         raise SpecError(WRONG_POSES(here, rows=len(rows), most=MAX_ROWS))
-    _refuse_outside(reader, rows, reach, here)
+    _refuse_outside(reader, rows, reach, said)
     if isinstance(said, ast.Text) or None in reader.things:
         each = [[ast.Point(tuple(map(written_number, pose))) for pose in row] for row in rows]
         written = ast.List(tuple(ast.List(tuple(row)) if len(row) > 1 else row[0] for row in each))
@@ -407,8 +406,9 @@ def _from_list(reader: _Reader, said: ast.Expr) -> Rows:
     return tuple(rows)
 
 
-def _refuse_outside(reader: _Reader, rows: Rows, reach: float, here: Span) -> None:
+def _refuse_outside(reader: _Reader, rows: Rows, reach: float, said: ast.Expr) -> None:
     """Raises SpecError where no row has all things where they can be; notes the first one that has not."""
+    here = said.span(reader.source)
     if not reader.present:
         return
     places = np.array(rows)[..., :2]
@@ -424,21 +424,22 @@ def _refuse_outside(reader: _Reader, rows: Rows, reach: float, here: Span) -> No
         doubt = f"outside of where it can be, which ends at {low:g} and {high:g}: this row is never drawn"
         remedy = "places are in metres, in the frame of the spec's workspace"
         facts = {"row": row + 1, "value": float(places[row, thing, axis]), "doubt": doubt, "remedy": remedy}
-        reader.lowering.noticed.append(DOUBTFUL_POSE(here, file="poses", name=name, **facts))
+        reader.lowering.noticed.append(
+            DOUBTFUL_POSE(here, file=said.value if isinstance(said, ast.Text) else "poses", name=name, **facts)
+        )
 
 
 def said_twice(lowering: Lowering, one: PriorStatement, known: dict[tuple[int, str], Span]) -> Iterator[Diagnostic]:
-    """A diagnostic where a statement is about a place or heading that another one in `known` was about; else it gets
-    there."""
+    """A diagnostic where a statement is about a place or heading that `known` has already; else it gets there."""
     if one.prior is None:
         return
     parts = ("place", "heading") if one.prior.part == "pose" else (one.prior.part,)
-    for key in [(which, part) for which in one.prior.things for part in parts]:
-        first = known.setdefault(key, one.span)
-        if first is not one.span and key[0] < len(lowering.scope.objects):
-            what = {"twice" if key[1] == "place" else "turned": _name(lowering, key[0])}
-            yield WRONG_PRIOR(one.span, first=first.place, **what)
+    for which, part in [(which, part) for which in one.prior.things for part in parts]:
+        if (which, part) in known:
+            what = {"twice" if part == "place" else "turned": _name(lowering, which)}
+            yield WRONG_PRIOR(one.span, first=known[which, part].place, **what)
             return
+        known[which, part] = one.span
 
 
 def circles(lowering: Lowering, statements: Sequence[PriorStatement]) -> Iterator[Diagnostic]:

@@ -282,7 +282,7 @@ def _remedy(value: Value, wanted: str, role: str) -> str:
     if wanted == "a formula" and isinstance(value, ObjectValue):
         other = "mug" if value.origin.text == "plate" else "plate"
         return f"say something about it: leftOf({value.origin.text}, {other})"
-    if "`heading`" in value.role:
+    if "`heading`" in value.role or "of headings" in role:
         return "a heading is an angle: NORTH, 90 deg, theta(plate)"
     if role == "what `*` works on" and isinstance(value, FormulaValue):
         return "join formulas with `&` (and), `|` (or); for shares of the scenes see `scenegen explain not-here`"
@@ -308,6 +308,8 @@ def _remedy(value: Value, wanted: str, role: str) -> str:
         return f"take a coordinate of one of its points: x({value.origin.text}.left)"
     if wanted == "a formula" and isinstance(value, RegionValue):
         return f"say what lies in it: inside(mug, {value.origin.text})"
+    if wanted == "a region":
+        return "declare one: region left = rect(0, 0, 0.5, 1)"
     if wanted == "a point" and isinstance(value, RegionValue):
         return f"write {value.origin.text}.center"
     if wanted == "an object that a hand can grasp":

@@ -15,7 +15,7 @@ from typing import Literal
 from scenegen.errors import Span
 from scenegen.geometry.footprint import Footprint
 from scenegen.geometry.primitives import Unit
-from scenegen.geometry.quantile import QUANTILE, Quantile
+from scenegen.geometry.quantile import QUANTILE
 from scenegen.pose import SIZE
 
 
@@ -38,12 +38,11 @@ class Coord:
 
 @dataclass(frozen=True, slots=True)
 class Apply:
-    """A primitive of PRIMITIVES applied to numbers, and to the footprints `shapes` before them, if any. The quantiles
-    that samplers write instead of coordinates with a prior have theirs there."""
+    """A primitive of PRIMITIVES applied to numbers, and to the footprints `shapes` before them, if any."""
 
     primitive: str
     args: tuple[int, ...]
-    shapes: tuple[Footprint | Quantile, ...] = ()
+    shapes: tuple[Footprint, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,18 @@ from scenegen.geometry.footprint import Circle, Footprint, measures
 from scenegen.geometry.namespace import turning
 from scenegen.geometry.primitives import argument_kinds
 from scenegen.lang.formula.capped import NO_CAPPED, CappedMinima, CappedNumbers, find_capped
-from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node, children, is_coordinate, last_uses
+from scenegen.lang.formula.core import (
+    Apply,
+    Atom,
+    Const,
+    Coord,
+    Core,
+    Junction,
+    Node,
+    children,
+    is_coordinate,
+    last_uses,
+)
 from scenegen.pose import FLAT, PLACE, THETA, owner, rows_along
 
 # The least of many gaps, of which only those are computed that can be the least.

@@ -32,7 +32,8 @@ TABLE_WORDS = ("table", "tabletop", "floor", "ground", "desk", "countertop", "su
 
 SAYS_MORE = "`scenegen explain not-here` says more"
 PRIOR = (
-    f"places and headings are uniform; for any other distribution weight the scenes afterwards, in Python; {SAYS_MORE}"
+    "a statement says where a thing usually is: usually mug ~ normal((0.4, 0.3), 5 cm), uniform(REGION), a mixture of "
+    "these, or recorded poses; `scenegen explain priors` says more"
 )
 CAMERA_HELP = (
     "declare a camera, camera front = at (0.5, -0.6, 0.7) looks at (0.5, 0.4, 0) fov 60 deg, 4:3, and write "

@@ -320,7 +320,7 @@ def _unnamed_formula(here: Span, accepts: set[str]) -> Diagnostic:
         return UNEXPECTED(here, found=f"`{word}`", expected="another object", instead=instead)
     if "LABEL" in accepts and word.isidentifier():
         rest = here.source.text[here.end :].lstrip()
-        if drawn := re.match(r"\([^()\n]*\)\s*(~)", rest):
+        if drawn := re.match(r"(?:\([^()\n]*\)|\[[^][\n]*\])?\s*(~)", rest):
             place = len(here.source.text) - len(rest) + drawn.start(1)
             return CANNOT_BE_SAID(Span(here.source, place, place + 1), word="~", instead=PRIOR)
         if rest.startswith("("):

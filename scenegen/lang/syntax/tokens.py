@@ -211,6 +211,7 @@ _EXPECTED = (
     ({"COLON"}, "`:`"),
     ({"STRING"}, 'a text in double quotes, such as "table.spec"'),
     ({"NAME"}, "a name"),
+    ({"TILDE"}, "`~` and where it usually is, such as normal((0.4, 0.3), 5 cm)"),
     ({"COMMA"}, "`,`"),
     ({"RPAR"}, "`)`"),
     ({"RSQB"}, "`]`"),

@@ -36,6 +36,7 @@ from scenegen.lang.formula.core import (
     atoms_below,
     part_of,
 )
+from scenegen.lang.spec import CheckedSpec
 from scenegen.learn.models.frames import MATTERS, Frames
 from scenegen.learn.robustness.compile import TORCH
 from scenegen.learn.robustness.deciding import with_sizes, without_sizes
@@ -258,8 +259,11 @@ class FormulaGraph:
 TENSORS = tuple(each.name for each in fields(FormulaGraph) if each.type == "Tensor")
 
 
-def refuse_unknown(core: Core, kinds: str) -> None:
-    """Raises RequestError for a formula with primitives that are not among `kinds`."""
+def refuse_unknown(spec: CheckedSpec, core: Core, kinds: str) -> None:
+    """Raises RequestError for a spec that says where things usually are, and for a formula with primitives that are not
+    among `kinds`."""
+    if spec.priors:
+        raise RequestError(UNKNOWN_TO_MODEL(usually=True))
     strange = {node.primitive for node in core.nodes if isinstance(node, Apply)}.difference(kinds.split())
     if strange:
         raise RequestError(UNKNOWN_TO_MODEL(names=sorted(strange)))
@@ -269,7 +273,7 @@ def graph_of(frames: Frames, kinds: str = PRIMITIVE_NAMES, stop: Stop = NEVER) -
     """The graph of a spec, in the frames for what it requires, for networks that know the primitives of `kinds`. Raises
     RequestError for others, and what `stop` raises."""
     core = frames.core
-    refuse_unknown(core, kinds)
+    refuse_unknown(frames.spec, core, kinds)
     low, high = frames.bounds_for({})
     form_of: dict[int, tuple[MarginForm, list[int], list[float]]] = {}
     for root in core.labels.values():

@@ -323,8 +323,12 @@ def reach(
 
 def _measure_rarity(spec: CheckedSpec, seed: int, stop: Stop, deadline: float) -> Rarity:
     """By chains, or by growth where these do not change surfaces, or find no scene that meets what is required."""
+    lowest, highest = spec.box()
+    if spec.priors:
+        from scenegen.sampling.prior import pull_back
+
+        spec, _ = pull_back(spec, lowest, highest)
     if not spec.choices:
-        lowest, highest = spec.box()
         found = measure(spec.core, lowest, highest, spec.labels, seed, stop=stop)
         stop.check()  # what a run has found by then depends on the clock
         if isinstance(found, Rarity):

@@ -69,9 +69,9 @@ class Dataset:
 def base_draw(
     spec: CheckedSpec, scenes: int, generator: torch.Generator, found_so_far: Callable[[int], None] | None = None
 ) -> Tensor:
-    """(3N, scenes) float32 from the base distribution: uniform over workspace and circle, objects that are held in
-    their place, what is required met. `found_so_far` gets their number. Raises RequestError where that is met
-    too rarely for plain draws."""
+    """(3N, scenes) float32 from the base distribution: uniform over workspace and circle, but for priors; objects that
+    are held in their place, what is required met. `found_so_far` gets their number. Raises RequestError where that is
+    met too rarely for plain draws."""
     if spec.core.requirement is None:
         return _free_draw(spec, scenes, generator)
     spec_loss = Robustness(gate(spec.core))
@@ -89,7 +89,13 @@ def base_draw(
 
 def _free_draw(spec: CheckedSpec, scenes: int, generator: torch.Generator) -> Tensor:
     unit = torch.rand(scenes, row_count(len(spec.core.objects)), generator=generator)
-    return held_in_place(spec, Codec(spec.workspace, len(spec.core.objects)).decode(unit))
+    rows = held_in_place(spec, Codec(spec.workspace, len(spec.core.objects)).decode(unit))
+    if not spec.priors:
+        return rows
+    from scenegen.sampling.prior import pull_back
+
+    _, base = pull_back(spec, *spec.box())
+    return torch.from_numpy(base.poses(rows.double().numpy())).to(rows)
 
 
 def held_in_place(spec: CheckedSpec, rows: Tensor) -> Tensor:

@@ -35,11 +35,11 @@ from scenegen.learn.evaluation.fidelity import ks_distance, kuiper_distance, whi
 from scenegen.pose import THETA, axis_of
 from scenegen.processes.pool import one_thread
 
-METHODS = ("rejection", "growth", "splitting")
+METHODS = ("auto", "rejection", "growth", "splitting")
 MOST_KS, LEAST_P = 0.02, 0.01
 DIRECTIONS = 50
 DIRECTION_SEED = 57
-PERMUTATIONS, MOST_IN_ENERGY_TEST = 99, 10_000
+PERMUTATIONS, MOST_IN_ENERGY_TEST = 99, 5_000
 SPEED_SCENES, SPEED_SEEDS = 20_000, 3
 PATIENCE = 250.0  # seconds for a set of scenes
 

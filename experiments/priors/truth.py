@@ -99,13 +99,13 @@ def fit(spec: Spec, rows: Floats, surfaces: Floats, wanted: tuple[float, float])
 # in which the next one fits; then chains forget that some of them are copies.
 RADIUS = 0.1128
 PLACE, DEVIATION = (0.3, 0.4), 0.005
-POPULATIONS, POPULATION = 8, 12_500
-SWEEPS, LAST_SWEEPS = 30, 300
+POPULATIONS, POPULATION = 8, 2_500
+SWEEPS, LAST_SWEEPS = 30, 100
 STEP = 0.06  # metres, of half of the moves; the other half is drawn from the prior
 
 
 def crowd(wanted: tuple[float, float], seed: int) -> Truth:
-    """100,000 scenes of `crowd`; the probability is the product of the shares in which the next can fits, its error
+    """20,000 scenes of `crowd`; the probability is the product of the shares in which the next can fits, its error
     from the scatter of independent populations."""
     began = time.process_time()
     runs = [_population(wanted, np.random.default_rng([seed, run])) for run in range(POPULATIONS)]

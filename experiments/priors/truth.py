@@ -100,7 +100,7 @@ def fit(spec: Spec, rows: Floats, surfaces: Floats, wanted: tuple[float, float])
 RADIUS = 0.1128
 PLACE, DEVIATION = (0.3, 0.4), 0.005
 POPULATIONS, POPULATION = 8, 2_500
-SWEEPS, LAST_SWEEPS = 30, 100
+SWEEPS, LAST_SWEEPS = 30, 600
 STEP = 0.06  # metres, of half of the moves; the other half is drawn from the prior
 
 
@@ -130,6 +130,8 @@ def _population(wanted: tuple[float, float], rng: np.random.Generator) -> tuple[
         for _ in range(LAST_SWEEPS if can == 9 else SWEEPS):
             for moved in range(can + 1):
                 _move(places, moved, wanted, rng)
+    order = rng.permuted(np.tile(np.arange(8)[:, None], POPULATION), axis=0)  # all but the first two are alike
+    places[2:] = np.take_along_axis(places[2:], order[:, None], axis=0)
     return places, log10
 
 

@@ -1,16 +1,16 @@
 """Scenes of specs with priors against plain rejection and Scenic, and what they cost: a line for each case and method.
 
-    python -m experiments.priors.judge DIR [NAME ...] [--methods rejection growth splitting] [-n 20000] [--seed 0]
-    python -m experiments.priors.judge DIR [NAME ...] --speed [--seed 0]
+    python -m experiments.priors.judge DIR [NAME ...] [--methods auto growth] [-n 20000] [--seed 0]
+    python -m experiments.priors.judge --speed DIR [NAME ...] [--seed 0]
 
-DIR has the scenes of `experiments.priors.truth` and of scenic_scenes.py. Bars: Kolmogorov-Smirnov (of headings: Kuiper)
-distances of all coordinates and of 50 directions at most 0.02; p of the energy test above 0.01; log10 of the probability
-within both 95 % intervals. Directions are those of whitened coordinates, headings as cosine and sine, so that a
-difference that a spec restricts to a centimetre counts as much as a coordinate that varies over the table. Of chains and
-populations, as many scenes go into the energy test as they say they are worth.
+DIR has the scenes of `experiments.priors.truth` and of scenic_scenes.py. Bars: Kolmogorov-Smirnov distances (of
+headings: Kuiper) of all coordinates and of 50 directions at most 0.02; p of the energy test above 0.01; log10 of the
+probability within both 95 % intervals. Directions are those of whitened coordinates, headings as cosine and sine, so
+that a difference that a spec restricts to a centimetre counts as much as a coordinate that varies over the table. Of
+chains and populations, as many scenes go into the energy test as they say they are worth.
 
-`--speed`: seconds of CPU time of 100 scenes, which is the plan's, and of 1,000 more, in one process; the same of the spec
-without its priors; and of plain rejection, with phi by the same evaluator.
+`--speed`: seconds of CPU time of 100 scenes, which is the plan's, and of 1,000 more, in one process; the same of the
+spec without its priors; and of plain rejection, with phi by the same evaluator.
 """
 
 from __future__ import annotations
@@ -118,8 +118,8 @@ def judged(folder: Path, name: str, methods: Sequence[str], n: int, seed: int) -
             rows, tries, seconds = kept["rows"], int(kept["tries"]), float(kept["seconds"])
         found = compare(truth.rows, rows, spec.objects, 1.0, rng)
         many = rows.shape[1]
-        error = 1.96 * math.sqrt((1.0 - many / tries) / many) / math.log(10.0)
-        right, log10 = _agree(truth, math.log10(many / tries), error)
+        width = 1.96 * math.sqrt((1.0 - many / tries) / many) / math.log(10.0)
+        right, log10 = _agree(truth, math.log10(many / tries), width)
         verdict = "passes" if found.passes and right else "FAILS"
         yield [name, "Scenic", f"{many:,}", *_cells(found), log10, f"{1e3 * seconds / many:.2f}", verdict]
 
@@ -175,7 +175,16 @@ def main() -> None:
     given = parser.parse_args()
     head = ["case", "method", "scenes", "KS", "sliced KS", "energy p", "log10 P; of plain rejection", "s / 1,000", ""]
     if given.speed:
-        head = ["case", "plan, s", "without priors", "1,000 scenes, s", "without priors", "ratio", "plain rejection", ""]
+        head = [
+            "case",
+            "plan, s",
+            "without priors",
+            "1,000 scenes, s",
+            "without priors",
+            "ratio",
+            "plain rejection",
+            "",
+        ]
     print(f"| {' | '.join(head)} |\n|{' --- |' * len(head)}", flush=True)
     with one_thread():
         if given.speed:

@@ -16,6 +16,7 @@ import math
 import random
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -146,14 +147,15 @@ ORDER = {
 }
 
 
-def scenes(name, wanted, seconds, seed):
+def scenes(name: str, wanted: int, seconds: float, seed: int) -> tuple[Any, int, float]:
     """(3N, n) rows, how many scenes were tried, and seconds of CPU time."""
     import scenic
 
     random.seed(seed)
     np.random.seed(seed)
     scenario = scenic.scenarioFromString(PRELUDE + PROGRAMS[name], mode2D=True)
-    rows, tries, began = [], 0, time.process_time()
+    rows: list[list[float]] = []
+    tries, began = 0, time.process_time()
     while len(rows) < wanted and time.process_time() - began < seconds:
         scene, iterations = scenario.generate(maxIterations=10**9)
         tries += iterations
@@ -163,7 +165,7 @@ def scenes(name, wanted, seconds, seed):
     return found, tries, time.process_time() - began
 
 
-def main():
+def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path)
     parser.add_argument("names", nargs="+")

@@ -40,8 +40,9 @@ class Truth:
     seconds: float
 
     def save(self, path: Path) -> None:
-        facts = {"log10": self.log10, "error": self.error, "tries": self.tries, "seconds": self.seconds}
-        np.savez_compressed(path, rows=self.rows, **{name: np.array(value) for name, value in facts.items()})
+        np.savez_compressed(
+            path, rows=self.rows, log10=self.log10, error=self.error, tries=self.tries, seconds=self.seconds
+        )
 
     @classmethod
     def load(cls, path: Path) -> Truth:
@@ -89,7 +90,7 @@ def fit(spec: Spec, rows: Floats, surfaces: Floats, wanted: tuple[float, float])
         full[row_of(choice.switch, 0)] = np.array(choice.middles)[numbers.astype(int)]
     values = phi(core, list(full), NUMPY)
     task = values.pop("task")
-    found = checked.workspace.contains(full) & (task >= wanted[0]) & (task <= wanted[1])
+    found: Bools = checked.workspace.contains(full) & (task >= wanted[0]) & (task <= wanted[1])
     for margin in values.values():
         found &= margin >= 0.0
     return found
@@ -99,13 +100,13 @@ def fit(spec: Spec, rows: Floats, surfaces: Floats, wanted: tuple[float, float])
 # in which the next one fits; then chains forget that some of them are copies.
 RADIUS = 0.1128
 PLACE, DEVIATION = (0.3, 0.4), 0.005
-POPULATIONS, POPULATION = 8, 2_500
-SWEEPS, LAST_SWEEPS = 30, 600
+POPULATIONS, POPULATION = 8, 12_500
+SWEEPS, LAST_SWEEPS = 30, 100
 STEP = 0.06  # metres, of half of the moves; the other half is drawn from the prior
 
 
 def crowd(wanted: tuple[float, float], seed: int) -> Truth:
-    """20,000 scenes of `crowd`; the probability is the product of the shares in which the next can fits, its error
+    """100,000 scenes of `crowd`; the probability is the product of the shares in which the next can fits, its error
     from the scatter of independent populations."""
     began = time.process_time()
     runs = [_population(wanted, np.random.default_rng([seed, run])) for run in range(POPULATIONS)]

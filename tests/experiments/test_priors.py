@@ -1,4 +1,4 @@
-"""The judge of specs with priors: its own draws are what they say, it knows a wrong sampler, and every case is a spec."""
+"""The judge of specs with priors: its draws are what they say, it knows a wrong sampler, and every case is a spec."""
 
 import math
 

@@ -1,0 +1,1 @@
+"""Scenes of specs with priors, held against plain rejection and against Scenic."""

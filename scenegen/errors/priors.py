@@ -20,7 +20,7 @@ NOT_A_DISTRIBUTION = Kind(
         "{headings:?}name the thing alone: usually {thing} ~ poses(...)",
         "{region:?}write uniform({region})",
         NEAREST,
-        "write normal((0.4, 0.3), 5 cm), normal(saucer, 3 cm), uniform(REGION), a mixture [uniform(A): 7, ...: 3] or "
+        "write normal((0.4, 0.3), 5 cm), normal(saucer, 3 cm), uniform(left), a mixture [uniform(left): 7, ...: 3] or "
         'poses("logs.csv", 1 cm, 5 deg); of headings normal(NORTH, 10 deg), uniform(80 deg, 100 deg)',
     ),
 )

@@ -297,7 +297,7 @@ task: reachable(cup[1], arm)
     assert told.err == ""
     for line in (
         "surfaces   cup[1], cup[2] on mat 70 % or workspace 30 %",
-        "robots     arm: so101 reaches 0.0631 to 0.268 m, -101 to 101 deg at the table, opens 0.07 m",
+        "robots     arm: so101 reaches 0.0443 to 0.284 m, -109 to 109 deg at the table, opens 0.07 m",
         "cameras    front at (0.5, -0.6, 0.7), 60 deg, 16:9, pictures 100 % of the workspace",
         "side at (0.5, 0.5, 0.5), 53.1 deg, 1:1, pictures 25 % of the workspace",
     ):

@@ -34,7 +34,7 @@ def test_page_pictures_go_where_the_page_has_them(page_pictures):
     assert sorted(path.stem for path in page_pictures.EXAMPLES.glob("*.jpg")) == sorted(shipped_specs())
     for name, (what, _) in page_pictures.SHOWN.items():
         assert (page_pictures.IMAGES / name).is_file()
-        assert what in shipped_specs() or Path(what).is_file()
+        assert what in shipped_specs() or "\n" in what or Path(what).is_file()  # a name, a text, or a file
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)

@@ -330,7 +330,7 @@ CLAUSE_TEXTS: Mapping[str, str] = {
 DISTRIBUTION_TEXTS: Mapping[str, str] = {
     "normal": "normal((0.4, 0.3), 5 cm), normal(saucer, 3 cm), of headings normal(NORTH, 10 deg): a middle, which may "
     "depend on other things, and the standard deviation",
-    "uniform": "uniform(REGION), of headings uniform(80 deg, 100 deg)",
+    "uniform": "uniform(left), of headings uniform(80 deg, 100 deg)",
     "poses": 'poses("logs.csv", 1 cm, 5 deg): recorded poses, moved by up to so much and turned by up to so much',
 }
 

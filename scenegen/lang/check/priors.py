@@ -49,7 +49,7 @@ Part = Literal["place", "heading"]
 PRIOR_SIGNATURES: Mapping[tuple[str, Part], Signature] = {
     ("normal", "place"): Signature("normal", ("middle", "deviation"), 2, usage="normal((0.4, 0.3), 5 cm)"),
     ("normal", "heading"): Signature("normal", ("middle", "deviation"), 2, usage="normal(NORTH, 10 deg)"),
-    ("uniform", "place"): Signature("uniform", ("region",), 1, usage="uniform(REGION)"),
+    ("uniform", "place"): Signature("uniform", ("region",), 1, usage="uniform(region)"),
     ("uniform", "heading"): Signature("uniform", ("low", "high"), 2, usage="uniform(80 deg, 100 deg)"),
     (POSES, "place"): Signature(POSES, ("file", "reach", "turn"), 3, usage='poses("logs.csv", 1 cm, 5 deg)'),
 }

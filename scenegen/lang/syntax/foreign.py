@@ -32,7 +32,7 @@ TABLE_WORDS = ("table", "tabletop", "floor", "ground", "desk", "countertop", "su
 
 SAYS_MORE = "`scenegen explain not-here` says more"
 PRIOR = (
-    "a statement says where a thing usually is: usually mug ~ normal((0.4, 0.3), 5 cm), uniform(REGION), a mixture of "
+    "a statement says where a thing usually is: usually mug ~ normal((0.4, 0.3), 5 cm), uniform(left), a mixture of "
     "these, or recorded poses; `scenegen explain priors` says more"
 )
 CAMERA_HELP = (

@@ -212,6 +212,7 @@ def test_files_name_the_primitives_that_their_weights_know(spec):
     assert card["hyper"]["primitives"] == known == PRIMITIVE_NAMES
     assert {*PRIMITIVES}.difference(known.split()) == {
         "pathGap",
+        "quantile",
         "shadowGap",
         "visibleShare",
     }  # younger than the weights

@@ -76,7 +76,7 @@ def commands():
         view good.spec --export page.html -n 4
         suite new goal.spec --bands 2 -n 30 --out mine/
         suite run mine --world toy_world.py:make --policy toy_world.py:towards --out o.jsonl --workers 2 --steps 60
-        stage mat mine --out mat.pdf
+        stage mat mine --paper a0 --out mat.pdf
         fit o.jsonl --suite mine --out policy.fit
         sample goal.spec --success 0.1: --under policy.fit -n 2 --workers 2
     """

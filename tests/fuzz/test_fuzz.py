@@ -42,7 +42,9 @@ def test_accepted_with_one_meaning_or_refused_politely(bench):
         good, signature, story = bench.verdict(make(SEED, number, texts))
         assert not signature, f"python -m tests.fuzz --seed {SEED} --number {number}\n{story}"
         accepted += good
-    assert COUNT * 0.1 < accepted < COUNT * 0.9, "a fuzzer that is always refused, or never, tests half of the language"
+    assert COUNT * 0.05 < accepted < COUNT * 0.9, (
+        "a fuzzer that is always refused, or never, tests half of the language"
+    )
 
 
 def test_the_same_number_is_the_same_input():

@@ -33,7 +33,7 @@ FOCAL, FOCAL_SPREAD = 0.8, 0.25  # of the longer side; standard deviation of its
 EXIF_SPREAD = 0.03  # where the photograph says it
 BEND_SPREAD = 0.1  # of k1
 MIDDLE_SPREAD = 0.006  # of the longer side: how far the principal point is from the middle
-POSE_PARAMETERS, LENS_PARAMETERS = 6, 4  # parameters of a camera: of its place, and of its lens
+POSE_PARAMETERS, LENS_PARAMETERS, TAG_PARAMETERS = 6, 4, 3  # of a camera its place and lens, of a tag its place
 PIXEL_ERROR = 0.2  # standard deviation of a corner of a tag, pixels
 MOST_OFF = 0.0015  # metres: what corners of the mat's tags may be off; a thousandth of the mat, or a pixel, if more
 OTHER_SIZE = 0.01  # relative: a mat of another size
@@ -258,11 +258,8 @@ class _CameraFit:
         long, (usual, _) = max(self.photo.picture.shape), self.focal
         starts = []
         for focal in [usual] if self.lens or self.photo.focal else [share * long for share in FOCAL_STARTS]:
-            start = np.array(
-                [0.0] * POSE_PARAMETERS
-                + [math.log(focal)]
-                + [0.0] * (LENS_PARAMETERS - 1 + 3 * len(self.squares) + 2 * self.free)
-            )
+            others = LENS_PARAMETERS - 1 + TAG_PARAMETERS * len(self.squares) + 2 * self.free
+            start = np.array([0.0] * POSE_PARAMETERS + [math.log(focal)] + [0.0] * others)
             guess = self.camera(start)
             _, turns, shifts, _ = cv2.solvePnPGeneric(
                 self.points(start), self.pixels, guess.matrix, guess.distortion, flags=cv2.SOLVEPNP_IPPE
@@ -304,7 +301,7 @@ class _CameraFit:
 
     def square(self, given: Array, k: int) -> Array:
         """The parameters of a square, to be read and set."""
-        return given[POSE_PARAMETERS + LENS_PARAMETERS + 3 * k :][:3]
+        return given[POSE_PARAMETERS + LENS_PARAMETERS + TAG_PARAMETERS * k :][:TAG_PARAMETERS]
 
     def camera(self, given: Array) -> StageCamera:
         import cv2

@@ -134,7 +134,7 @@ class HandWorld:
             self.screen.write(f"{question}: ")
             self.screen.flush()
             if not (line := self.keys.readline()):  # Ctrl-D: no failure of the policy, but the end of the run
-                how, reason = "cannot go on", "nobody is at the terminal; --resume goes on"
+                how, reason = "cannot go on", "nobody is at the terminal"
                 raise ScenegenError(WORLD_FAILS(what="the world", name=HAND, how=how, reason=reason))
             said = line.strip().lower()[:1]
             if not choices or (said and said in choices):

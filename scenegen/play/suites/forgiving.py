@@ -100,7 +100,7 @@ class Placing:
                 bands = _widest_bands(reached, ends, count)
                 if bands and self._have_starts(spec, scenes, label, reached, bands, budget):
                     each = enumerate(reversed(bands), 1)
-                    said.append(" ".join(f"--bands level{k}={low:g}:{high:g}" for k, (low, high) in each))
+                    said.append(" ".join(_as_option("bands", f"level{k}={low:g}:{high:g}") for k, (low, high) in each))
                     break
             for share in TOLERANCE_SHARES if any(self.errors) else ():
                 metres, radians = (share * error + EPS_ERROR for error in self.errors)
@@ -108,7 +108,7 @@ class Placing:
                 placing = replace(self, errors=(cm / 100.0, math.radians(degrees)))
                 reached = placing._phi_within_errors(spec.checked, scenes, label)
                 if placing._have_starts(spec, scenes, label, reached, ranges, budget):
-                    said.append(f"--tolerance {cm:g}cm,{degrees}deg")
+                    said.append(_as_option("tolerance", f"{cm:g}cm,{degrees}deg"))
                     break
         return " or ".join(said)
 
@@ -207,6 +207,11 @@ def _inside(rows: Array, reach: Array, box: tuple[Array, Array]) -> Bool:
     lengths = [row for row in range(len(reach)) if reach[row] and not is_angle(row)]
     inside = (rows - reach[:, None] >= box[0][:, None]) & (rows + reach[:, None] <= box[1][:, None])
     return np.asarray(inside[lengths].all(axis=0))
+
+
+def _as_option(name: str, value: str) -> str:
+    """An option as it is typed: `suite new` makes suites, and people run it."""
+    return f"--{name} {value}"
 
 
 def _widest_bands(reached: tuple[Array, Array], ends: Bounds, count: int) -> list[Bounds]:

@@ -69,7 +69,7 @@ def test_a_camera_is_looked_at(stage, suite, tmp_path, monkeypatch):
 
 def test_the_end_of_a_terminal_fails_no_episode(stage, suite, monkeypatch):
     monkeypatch.setattr(hand, "make_hand", lambda folder, task, suite: world_of(stage, "\n"))
-    with pytest.raises(ScenegenError, match="--resume goes on"):
+    with pytest.raises(ScenegenError, match="goes on with the outcomes"):
         Player(suite.folder, False, "hand:", "hand:mine", False, 10)(7)
 
 

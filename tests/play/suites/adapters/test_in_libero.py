@@ -23,7 +23,7 @@ def world():
 
 
 def start(row):
-    return {"start": SimpleNamespace(row=row, number=row, seed=row)}
+    return {"start": SimpleNamespace(row=row, number=row, seed=row, goal=None)}
 
 
 def test_starts_are_the_same_bit_for_bit(world):

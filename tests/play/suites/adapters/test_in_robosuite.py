@@ -39,7 +39,9 @@ def starts(low, high, n, seed=0):
     scenes = scenegen.sample(SPEC, {"goal": (low, high)}, n, seed=seed, spread="base", workers=1)
     for number, poses in enumerate(scenes.poses7()):
         phi = {label: float(values[number]) for label, values in scenes.phi.items()}
-        yield SimpleNamespace(number=number, seed=number, poses=poses, objects=SPEC.objects, phi=phi, on=None)
+        yield SimpleNamespace(
+            number=number, seed=number, poses=poses, objects=SPEC.objects, phi=phi, on=None, goal=None
+        )
 
 
 def play(world, policy, start):

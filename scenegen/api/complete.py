@@ -32,6 +32,7 @@ from scenegen.errors.requests import (
 from scenegen.pose import NAMES, PLACE, THETA, TWO_PI, X, Y, row_of
 from scenegen.sampling.plan import verify
 from scenegen.sampling.plans import SELECTIONS
+from scenegen.sampling.prior import pull_back
 from scenegen.sampling.problem import Problem, make_problem, refuse_turned_priors
 from scenegen.sampling.request import SampleRequest
 from scenegen.sampling.streams import COMPLETION_STREAM
@@ -118,8 +119,7 @@ def complete(
     request = check_request(spec, replace(request, n=len(given), fix={}))
     problem = make_problem(checked, request, Budget(request.timeout))
     held = _given_rows(problem, given)
-    if checked.priors:
-        refuse_turned_priors(checked, ~np.isnan(held))
+    refuse_turned_priors(checked, ~np.isnan(held))
     found, hit, draws = _draw_candidates(problem, held, request, began)
     warnings = [*problem.warnings, *doubts_of(source, checked.objects, given, checked.workspace)]
     for number in np.flatnonzero(~hit):
@@ -183,11 +183,7 @@ def _draw_candidates(
     wanted = np.concatenate([generator.permutation(possible) for _ in range(0, count, len(possible))])[:count]
     draws = 0
     span = (problem.highest - problem.lowest)[:, None]
-    base = None
-    if problem.spec.priors:
-        from scenegen.sampling.prior import pull_back
-
-        _, base = pull_back(problem.spec, problem.lowest, problem.highest)
+    _, base = pull_back(problem.spec, problem.lowest, problem.highest)
     for turn in range(MAX_COMPLETION_ROUNDS):
         waiting = np.flatnonzero(~hit)
         if not len(waiting) or time.monotonic() - began > request.timeout:
@@ -197,7 +193,7 @@ def _draw_candidates(
         draws += each * len(some)
         rows = problem.lowest[:, None] + span * generator.random((len(held), len(some) * each))
         given = np.repeat(held[:, some], each, axis=1)
-        rows = np.where(np.isnan(given), rows, given) if base is None else base.poses(rows, given)
+        rows = base.poses(rows, given)
         cell = cells.find(problem.phi(rows)).reshape(len(some), each)
         strict = request.spread == "flat" and turn < MAX_COMPLETION_ROUNDS // 2
         fits = cell == wanted[some, None] if strict else cell >= 0

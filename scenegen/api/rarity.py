@@ -25,6 +25,7 @@ from scenegen.errors.requests import (
     UNKNOWN_LABEL,
 )
 from scenegen.lang.spec import member_weights, numbers_text
+from scenegen.sampling.prior import pull_back
 from scenegen.sampling.rarity import (
     RARITY_VISITS,
     PhiDistribution,
@@ -211,10 +212,7 @@ def _measure(
 
     checked = spec.checked
     lowest, highest = checked.box()
-    if checked.priors:
-        from scenegen.sampling.prior import pull_back
-
-        checked, _ = pull_back(checked, lowest, highest)
+    checked, _ = pull_back(checked, lowest, highest)
     if needs_growth(checked, labels):
         try:
             return measure_by_growth(checked, labels, seed, deadline=budget.ends)

@@ -22,9 +22,9 @@ from scenegen.cli.options import COUNT, ROOT, SPEC_FILES, display_name, option, 
 from scenegen.cli.output import complain, detail, flag, print_json, tree
 from scenegen.errors import ScenegenError, Source, to_json
 from scenegen.errors.declarations import NOT_LOOKED_AT
+from scenegen.lang.check.priors import prior_text
 from scenegen.lang.check.supports import area_of
 from scenegen.lang.formula.core import REQUIRE
-from scenegen.lang.prior_text import prior_text
 from scenegen.lang.syntax import ast
 from scenegen.lang.syntax.parse import parse
 from scenegen.lang.syntax.printer import print_statement

@@ -13,10 +13,11 @@ from functools import cache
 from typing import Any, Literal
 
 from scenegen.geometry import clearance, shadow, share
+from scenegen.geometry import footprint_rules as rules
 from scenegen.geometry import interval as iv
 from scenegen.geometry.interval import Interval, Rule
 from scenegen.geometry.namespace import Namespace
-from scenegen.geometry.quantile import QUANTILE, quantile
+from scenegen.geometry.quantile import QUANTILE, back_quantile, quantile, quantile_bounds
 from scenegen.pose import FLAT, PLACE, TWO_PI
 
 # Units of scalar expressions, as powers of metre and radian. A bare number takes its unit from its place
@@ -312,47 +313,47 @@ PRIMITIVES: dict[str, Primitive] = {
             hidden=True, backward=iv.back_pick,
         ),
         Primitive(
-            QUANTILE, _ONE, quantile, iv.quantile, agree,
+            QUANTILE, _ONE, quantile, quantile_bounds, agree,
             "a coordinate as a function of numbers that are uniform",
-            hidden=True, variadic=True, backward=iv.back_quantile,
+            hidden=True, variadic=True, backward=back_quantile,
         ),
         Primitive("sin", _ONE, lambda ns, a: ns.sin(a), iv.sin, _angle_in(BARE), "sine of an angle", of_angle=True),
         Primitive("cos", _ONE, lambda ns, a: ns.cos(a), iv.cos, _angle_in(BARE), "cosine of an angle", of_angle=True),
         Primitive(
-            "gap", _FOOTPRINTS, clearance.gap, iv.gap, lambda a, b: LENGTH,
+            "gap", _FOOTPRINTS, clearance.gap, rules.gap, lambda a, b: LENGTH,
             "clearance of two footprints, in metres; where they overlap, minus the smallest shift that parts them",
-            backward=iv.back_gap, relative=True, smooth=True, drawn="gap",
+            backward=rules.back_gap, relative=True, smooth=True, drawn="gap",
         ),
         Primitive(
-            "room", _FOOTPRINTS, clearance.room, iv.room, lambda a, b: LENGTH,
+            "room", _FOOTPRINTS, clearance.room, rules.room, lambda a, b: LENGTH,
             "how far a's footprint stays inside b's, in metres; negative by how far it sticks out",
-            backward=iv.back_room, names=("a", "area"), relative=True, drawn="room",
+            backward=rules.back_room, names=("a", "area"), relative=True, drawn="room",
         ),
         Primitive(
-            "reach", ("footprint", "number"), clearance.reach, iv.reach,
+            "reach", ("footprint", "number"), clearance.reach, rules.reach,
             lambda a, heading: _angle_in(LENGTH)(heading),
             "how far a's footprint reaches from its centre towards a heading, in metres",
             names=("a", "heading"), of_angle=True, drawn="edge",
         ),
         Primitive(
-            "pathGap", ("footprint", "place", "place"), clearance.path_gap, iv.path_gap, lambda a, p, q: LENGTH,
+            "pathGap", ("footprint", "place", "place"), clearance.path_gap, rules.path_gap, lambda a, p, q: LENGTH,
             "clearance of a's footprint from the straight way between two places, in metres; negative on it",
             names=("a", "start", "end"), smooth=True,
         ),
         Primitive(
-            "bearing", _PLACES, clearance.bearing, iv.bearing, lambda a, b: ANGLE,
+            "bearing", _PLACES, clearance.bearing, rules.bearing, lambda a, b: ANGLE,
             "direction of b seen from a, an angle in (-pi, pi]; 0 where they coincide", relative=True,
         ),
         Primitive(
-            "shadowGap", (*_FOOTPRINTS, "place", *_TWO), shadow.shadow_gap, iv.shadow_gap,
+            "shadowGap", (*_FOOTPRINTS, "place", *_TWO), shadow.shadow_gap, rules.shadow_gap,
             lambda a, b, eye, first, last: LENGTH,
             "clearance of a footprint and the shadow of another one from a place: the hull of its enlarged copies",
-            hidden=True, backward=iv.back_shadow, smooth=True,
+            hidden=True, backward=rules.back_shadow, smooth=True,
         ),
         Primitive(
             "visibleShare", (*_BODY, *_SEER, *_BODY, "number"), share.visible_share,
-            iv.visible_share, lambda *units: SHARE, "share of a body's silhouette that no nearer body covers",
-            hidden=True, backward=iv.back_share, crowd=len(_BODY) + 1,
+            rules.visible_share, lambda *units: SHARE, "share of a body's silhouette that no nearer body covers",
+            hidden=True, backward=rules.back_share, crowd=len(_BODY) + 1,
         ),
     )
 }  # fmt: skip

@@ -22,8 +22,13 @@ import numpy as np
 
 from scenegen.arrays import Array, Bool, Index
 from scenegen.geometry.footprint import Point
+from scenegen.geometry.interval import Interval, Intervals, meet, quiet
 
 QUANTILE = "quantile"  # the primitive
+UNIT_SLACK = 1e-12  # of the size of coordinates: by how much bounds are wider
+MAX_COMPARED_OPTIONS = 8  # options up to which each is looked at
+MAX_COMPARED = 1 << 17  # options times boxes up to which each option is looked at to narrow the choice
+NEAR_OPTIONS = 3  # options that a box can choose from, up to which each is looked at
 
 Spans = tuple[Array, Array]
 
@@ -263,9 +268,6 @@ class Quantile:
         return UNIT_SLACK * (1.0 + abs(self.saying[0]) + abs(self.saying[1]))
 
 
-UNIT_SLACK = 1e-12  # of the size of coordinates
-
-
 DISC_CORNERS = 256  # of the polygon that stands for a disc: less than 0.02 % of its radius off
 
 
@@ -307,18 +309,18 @@ def quantile(ns: Any, of: Quantile, chooser: Any, number: Any, *given: Any) -> A
     return out
 
 
-def quantile_bounds(of: Quantile, chooser: Spans, number: Spans, *given: Spans) -> Spans:
+def quantile_bounds(of: Quantile, chooser: Spans, number: Spans, *given: Spans) -> Interval:
     """Bounds of the coordinate from bounds of its arguments."""
     if len(of.ends) > MAX_COMPARED_OPTIONS and isinstance(of.runs[0], UniformRun) and len(of.runs) == 1:
         return _range_of_many(of, of.runs[0], chooser, number)
     if len(of.ends) == 1:
         u = _unit(number[0], of.saying), _unit(number[1], of.saying)
         low, high = of.runs[0].span((u[0][None], u[1][None]), given)
-        return low[0] - of.slack, high[0] + of.slack
+        return Interval(low[0] - of.slack, high[0] + of.slack)
     found = _by_option(of, chooser, number, given)
     lo = np.where(found.possible, found.low, np.inf).min(axis=0)
     hi = np.where(found.possible, found.high, -np.inf).max(axis=0)
-    return lo - of.slack, hi + of.slack
+    return Interval(lo - of.slack, hi + of.slack)
 
 
 def narrow_quantile(of: Quantile, wanted: Spans, chooser: Spans, number: Spans, *given: Spans) -> tuple[Spans, Spans]:
@@ -353,12 +355,14 @@ def narrow_quantile(of: Quantile, wanted: Spans, chooser: Spans, number: Spans, 
     if of.alone:
         return _back(choice, of.choosing), number
     own = np.where(none, np.inf, least).min(axis=0), np.where(none, -np.inf, most).max(axis=0)
-    return _back(choice, of.choosing) if len(of.ends) > 1 else chooser, _back(own, of.saying)
+    return _back(choice, of.choosing), _back(own, of.saying)
 
 
-MAX_COMPARED_OPTIONS = 8  # options up to which each is looked at
-MAX_COMPARED = 1 << 17  # options times boxes up to which each option is looked at to narrow the choice
-NEAR_OPTIONS = 3  # options that a box can choose from, up to which each is looked at
+@quiet
+def back_quantile(of: Quantile, result: Interval, chooser: Interval, number: Interval, *given: Interval) -> Intervals:
+    """The backward rule: what options are relative to stays as it is."""
+    choice, own = narrow_quantile(of, result, chooser, number, *given)
+    return meet(chooser, Interval(*choice)), meet(number, Interval(*own)), *given
 
 
 class _ByOption(NamedTuple):
@@ -389,7 +393,7 @@ def _by_option(of: Quantile, chooser: Spans, number: Spans, given: Sequence[Span
     return _ByOption((low_u, high_u), low, high, np.broadcast_to(possible, low_u.shape))
 
 
-def _range_of_many(of: Quantile, run: UniformRun, chooser: Spans, number: Spans) -> Spans:
+def _range_of_many(of: Quantile, run: UniformRun, chooser: Spans, number: Spans) -> Interval:
     """Bounds where there are many options, which are uniform ranges: all of those that can be chosen, from a table of
     the least and the largest of 1, 2, 4 ... in a row; where these are few, each at its u."""
     mark = _unit(chooser[0], of.choosing), _unit(chooser[1], of.choosing)
@@ -416,7 +420,7 @@ def _range_of_many(of: Quantile, run: UniformRun, chooser: Spans, number: Spans)
         lo, hi = np.array(lo), np.array(hi)
         lo.reshape(-1)[near] = run.value(which, u[0], ()).min(axis=0)
         hi.reshape(-1)[near] = run.value(which, u[1], ()).max(axis=0)
-    return lo - of.slack, hi + of.slack
+    return Interval(lo - of.slack, hi + of.slack)
 
 
 def _in_option(mark: Array, starts: Array, ends: Array) -> Array:

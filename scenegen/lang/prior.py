@@ -21,8 +21,10 @@ from typing import TYPE_CHECKING, Literal
 from scenegen.pose import PLACE, THETA, row_of
 
 if TYPE_CHECKING:
+    from scenegen.geometry.footprint import Footprint
     from scenegen.lang.formula.core import Node
-    from scenegen.lang.region import Pose, Region
+
+PlanarPose = tuple[float, float, float]  # x, y, heading
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +38,11 @@ class Normal:
 
 @dataclass(frozen=True, slots=True)
 class UniformPlace:
-    """Uniform over the part of a region that lies in the workspace."""
+    """Uniform over the part of a region that lies in the workspace: its name, its footprint, and where that is."""
 
-    region: Region
+    region: str
+    footprint: Footprint
+    pose: PlanarPose
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +59,7 @@ class Recorded:
     to `reach` metres and the heading by up to `turn` radians, each uniformly and by itself. What would lie beyond the
     edge of the workspace is cut off."""
 
-    rows: tuple[tuple[Pose, ...], ...]
+    rows: tuple[tuple[PlanarPose, ...], ...]
     reach: float
     turn: float
 

@@ -16,8 +16,6 @@ from scenegen.errors import Diagnostic
 from scenegen.geometry.footprint import Footprint
 from scenegen.geometry.workspace import Workspace
 from scenegen.lang.prior import Prior, prior_rows
-from scenegen.lang.region import Pose as Pose
-from scenegen.lang.region import Region as Region
 from scenegen.pose import X, row_of, rows_of, span_of
 from scenegen.things import Shape, shape_of
 
@@ -25,9 +23,21 @@ if TYPE_CHECKING:
     from scenegen.lang.formula.core import Core
     from scenegen.lang.formula.timed import Timed
 
+Pose = tuple[float, float, float]
 Space = tuple[float, float, float]  # x, y, z
 
 LEVEL = 1e-9  # of a direction of length 1: less of it along the table counts as none
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A named part of the table: its footprint at a fixed place, (x, y, heading). With a `height` above the table it is
+    the top of a board."""
+
+    name: str
+    footprint: Footprint
+    pose: Pose
+    height: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,7 @@ from scenegen.pose import PLACE, X, owner, row_count, row_of, rows_along, rows_o
 from scenegen.sampling.families import NO_SCENE_KINDS, NOT_FOUND_KINDS, assets_of, seed_of
 from scenegen.sampling.grasps import PairGrasp
 from scenegen.sampling.plans import draw
+from scenegen.sampling.prior import pull_back
 from scenegen.sampling.problem import SCENES_IN_CACHE, Problem
 from scenegen.sampling.request import SampleRequest
 from scenegen.sampling.streams import PAIRS_STREAM
@@ -184,10 +185,6 @@ def _elsewhere(problem: Problem, rows: Array, free: Index, moved: int, rng: np.r
             new = low[row] + (high[row] - low[row]) * rng.random(count)
             np.copyto(rows[row], new, where=goes)
             given[row][goes] = np.nan
-    if not problem.spec.priors:
-        return rows
-    from scenegen.sampling.prior import pull_back
-
     _, base = pull_back(problem.spec, low, high)
     return base.poses(rows, given)
 

@@ -10,7 +10,7 @@ keep their values.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
@@ -21,10 +21,10 @@ from scenegen.geometry import NUMPY
 from scenegen.geometry.footprint import Box, Circle, Footprint, Point, Rectangle, clip, corners
 from scenegen.geometry.quantile import DISC_CORNERS, QUANTILE, NormalRun, Quantile, Run, UniformRun, region_runs
 from scenegen.geometry.workspace import wrap_headings
-from scenegen.lang.formula.core import Apply, Const, Coord, Node, nodes_below, renumber
+from scenegen.lang.formula.core import Apply, Const, Coord, Node, TapeWriter, nodes_below, renumber
 from scenegen.lang.formula.interpret import Numbers, fold
 from scenegen.lang.prior import Normal, Prior, Recorded, UniformHeading, UniformPlace, prior_rows
-from scenegen.lang.spec import CheckedSpec, Region
+from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, X, axis_of, owner, row_of
 from scenegen.sampling.plan import Account, Piece, Plan, Selection, Tally, digest, verify
 from scenegen.sampling.problem import Problem, over_numbers
@@ -45,22 +45,21 @@ class BaseDistribution:
     def poses(self, rows: Array, given: Array | None = None) -> Array:
         """The scenes (3N, B) that uniform numbers are, headings in [0, 2 pi). Coordinates that are `given` (3N, B), not
         NaN, are these, and what is relative to them follows."""
-        placed = fold(self.nodes, _Placed(rows, given, {node: row for row, node in self.at.items()}))
+        if not self.at:
+            return rows if given is None else np.where(np.isnan(given), rows, given)
+        placed = fold(self.nodes, _Coordinates(rows, given, {node: row for row, node in self.at.items()}))
         out = rows.copy() if given is None else np.where(np.isnan(given), rows, given)
         for row, node in self.at.items():
             out[row] = placed[node] if axis_of(row) == THETA else np.clip(placed[node], *self.ends[row])
         return wrap_headings(out)
 
 
-class _Placed(Numbers):
-    """Rows of uniform numbers as coordinates; those that are given as they are."""
+class _Coordinates(Numbers):
+    """What nodes over uniform numbers are worth, with the coordinates that are given as they are."""
 
     def __init__(self, rows: Array, given: Array | None, coordinates: dict[int, int]) -> None:
         super().__init__(NUMPY, list(rows))
         self._given, self._coordinates = given, coordinates
-
-    def coordinate(self, index: int, node: Coord) -> Any:
-        return self.rows[node.row]
 
     def apply(self, index: int, node: Apply, args: list[Any]) -> Any:
         value = super().apply(index, node, args)
@@ -72,14 +71,17 @@ class _Placed(Numbers):
 
 def pull_back(spec: CheckedSpec, lowest: Array, highest: Array) -> tuple[CheckedSpec, BaseDistribution]:
     """The spec over uniform numbers, and what these become; `lowest` and `highest` (3N,) are the box of poses, with
-    equal ends where a coordinate is held."""
-    writer = _Writer(spec, lowest, highest)
+    equal ends where a coordinate is held. Without priors that is the spec itself."""
+    if not spec.priors:
+        return spec, BaseDistribution((), {}, {})
+    priors = {row: one for row, one in prior_rows(spec.priors).items() if lowest[row] < highest[row]}
+    writer = _Writer(priors=priors, lowest=lowest, highest=highest)
     place: dict[int, int] = {}
     for index, node in enumerate(spec.core.nodes):
         place[index] = writer.coordinate(node.row) if isinstance(node, Coord) else writer.add(renumber(node, place))
     labels = {name: place[node] for name, node in spec.core.labels.items()}
     required = None if spec.core.requirement is None else place[spec.core.requirement]
-    at = {row: writer.coordinate(row) for row in sorted(writer.priors)}
+    at = {row: writer.coordinate(row) for row in sorted(priors)}
     core = replace(spec.core, nodes=tuple(writer.nodes), labels=labels, requirement=required)
     needed = max(nodes_below(writer.nodes, at.values()), default=-1) + 1
     ends = {row: (float(lowest[row]), float(highest[row])) for row in at}
@@ -87,27 +89,13 @@ def pull_back(spec: CheckedSpec, lowest: Array, highest: Array) -> tuple[Checked
 
 
 @dataclass(slots=True)
-class _Writer:
-    """Collects nodes, and writes coordinates as quantiles."""
+class _Writer(TapeWriter):
+    """Writes coordinates as quantiles: of the rows that have one of the `priors`, in the box lowest..highest (3N,)."""
 
-    spec: CheckedSpec
-    lowest: Array
-    highest: Array
-    nodes: list[Node] = field(default_factory=list)
-    number: dict[Node, int] = field(default_factory=dict)
+    priors: Mapping[int, Prior] = field(kw_only=True)
+    lowest: Array = field(kw_only=True)
+    highest: Array = field(kw_only=True)
     written: dict[int, int] = field(default_factory=dict)
-    priors: dict[int, Prior] = field(init=False)
-
-    def __post_init__(self) -> None:
-        every = prior_rows(self.spec.priors)
-        self.priors = {row: one for row, one in every.items() if self.lowest[row] < self.highest[row]}
-
-    def add(self, node: Node) -> int:
-        index = self.number.get(node)
-        if index is None:
-            index = self.number[node] = len(self.nodes)
-            self.nodes.append(node)
-        return index
 
     def coordinate(self, row: int) -> int:
         """The node of a coordinate."""
@@ -169,8 +157,8 @@ class _Writer:
                 return NormalRun(at, deviation, low, high)
             case UniformHeading(first, last):
                 return UniformRun(np.array([first]), np.array([last]))
-            case UniformPlace(region):
-                return self._in_region(region, thing, axis, given)
+            case UniformPlace():
+                return self._in_region(option, thing, axis, given)
             case Recorded(rows, reach, turn):
                 which = prior.things.index(thing)
                 kept = sorted((row for row in rows if self._is_reachable(row, prior.things, reach)), key=_along_curve)
@@ -206,7 +194,7 @@ class _Writer:
             given.append(node)
         return given.index(node)
 
-    def _in_region(self, region: Region, thing: int, axis: int, given: list[int]) -> Run:
+    def _in_region(self, region: UniformPlace, thing: int, axis: int, given: list[int]) -> Run:
         x, y = (self._range(row_of(thing, one)) for one in PLACE)
         within = (x[0], y[0], x[1], y[1])
         points = _corners_of(region, within)
@@ -234,7 +222,7 @@ def _is_along_axes(heading: float) -> bool:
     return abs(math.remainder(heading, math.pi / 2.0)) < RIGHT_ANGLE_TOLERANCE
 
 
-def _corners_of(region: Region, within: Rectangle) -> tuple[Point, ...]:
+def _corners_of(region: UniformPlace, within: Rectangle) -> tuple[Point, ...]:
     """The corners of the part of a region that lies in a rectangle."""
     x, y, theta = region.pose
     cos, sin = math.cos(theta), math.sin(theta)

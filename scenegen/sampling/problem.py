@@ -169,7 +169,7 @@ def make_problem(
     effort = effort or (Effort() if budget is None else Effort(lambda: budget.overdrawn))
     try:
         lowest, highest, fixed = hold_fixed(spec, request.fix)
-        if spec.priors and fixed:
+        if fixed:
             refuse_turned_priors(spec, lowest == highest)
         core = gate(spec.core)
         low, high = label_bounds(spec.core, lowest, highest, effort)

@@ -16,7 +16,7 @@ import numpy as np
 from scenegen.arrays import Array, Bool, Index
 from scenegen.geometry import PRIMITIVES, Interval
 from scenegen.geometry.footprint import Circle
-from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node, children
+from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node, TapeWriter, children
 from scenegen.lang.formula.interpret import Algebra, fold
 from scenegen.search.effort import PYTHON_WORK, Effort, bounding_work
 
@@ -270,20 +270,11 @@ class Tape:
 
 
 @dataclass(slots=True)
-class _TapeBuilder:
-    """Collects nodes, each only once."""
+class _TapeBuilder(TapeWriter):
+    """Also knows which nodes are differences of rows, and which depend on one of these or a coordinate alone."""
 
-    nodes: list[Node] = field(default_factory=list)
-    number: dict[Node, int] = field(default_factory=dict)
     differences: dict[int, tuple[int, int]] = field(default_factory=dict)
     affine: dict[int, int] = field(default_factory=dict)
-
-    def add(self, node: Node) -> int:
-        index = self.number.get(node)
-        if index is None:
-            index = self.number[node] = len(self.nodes)
-            self.nodes.append(node)
-        return index
 
     def constant(self, value: float) -> int:
         return self.add(Const(value))

@@ -11,13 +11,12 @@ from hypothesis import strategies as st
 
 from scenegen.api.spec import load
 from scenegen.errors import SpecError
-from scenegen.geometry import NUMPY, Box
+from scenegen.geometry import NUMPY, Box, Circle
+from scenegen.lang.check.priors import prior_text
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Atom, Const, Coord
 from scenegen.lang.formula.interpret import Numbers, fold
 from scenegen.lang.prior import Normal, Prior, Recorded, UniformHeading, UniformPlace
-from scenegen.lang.prior_text import prior_text
-from scenegen.lang.spec import Region
 
 from ..laws import examples
 
@@ -89,11 +88,11 @@ def test_headings():
 def test_a_region_also_at_a_height_and_the_workspace():
     text = "region {}\nobject mug, saucer\nusually mug ~ uniform({})\ntask: leftOf(mug, saucer)"
     (prior,) = priors(text.format("left = rect(0, 0, 0.5, 1) at 30 cm", "left"))
-    assert prior.options == (UniformPlace(Region("left", Box(0.5, 1.0), (0.25, 0.5, 0.0), 0.3)),)
+    assert prior.options == (UniformPlace("left", Box(0.5, 1.0), (0.25, 0.5, 0.0)),)
     (prior,) = priors(text.format("left = rect(0, 0, 0.5, 1)", "workspace"))
-    assert prior.options[0].region.pose == (0.5, 0.5, 0.0)
+    assert prior.options[0].pose == (0.5, 0.5, 0.0)
     (prior,) = priors(text.format("rack[2] = circle((0.5, 0.5), 20 cm) at 10 cm, 40 cm", "rack[2]"))
-    assert prior.options[0].region.name == "rack[2]" and prior.options[0].region.height == 0.4
+    assert prior.options == (UniformPlace("rack[2]", Circle(0.2), (0.5, 0.5, 0.0)),)
 
 
 def test_a_mixture_has_the_weights_that_were_written():

@@ -28,9 +28,10 @@ from scenegen.lang.check.objects import written_call, written_number, written_po
 from scenegen.lang.check.scope import Signature
 from scenegen.lang.check.values import CallFrame, ListValue, NumberValue, ObjectValue, RegionValue
 from scenegen.lang.check.weights import weights_of
-from scenegen.lang.formula.core import Coord
+from scenegen.lang.formula.builder import describe
+from scenegen.lang.formula.core import Const, Coord
 from scenegen.lang.prior import Normal, Prior, Recorded, UniformHeading, UniformPlace
-from scenegen.lang.spec import Pose, Region
+from scenegen.lang.spec import Pose
 from scenegen.lang.syntax import ast
 from scenegen.lang.tables import Table, csv_cells
 from scenegen.pose import NAMES, TWO_PI, wrap_heading
@@ -273,14 +274,14 @@ def _uniform_place(reader: _Reader, call: ast.Call) -> UniformPlace:
     value = lowering.evaluate(expr, CallFrame(reader.source))
     if not isinstance(value, RegionValue):
         raise lowering.coerce.wrong(value, "a region", "what `uniform` is over")
-    region = Region(value.name, value.area.footprint, (*value.area.center, 0.0), value.area.z)
+    over = UniformPlace(value.name, value.area.footprint, (*value.area.center, 0.0))
     for which in reader.present:
         left, bottom, right, top = _box(lowering, which)
         middle = ((left + right) / 2.0, (bottom + top) / 2.0, 0.0)
         box = Box(right - left, top - bottom)
-        if PRIMITIVES["gap"].evaluate(MATH, region.footprint, box, *region.pose, *middle) >= 0.0:
-            raise SpecError(_outside(lowering, expr.span(reader.source), which, region=region.name))
-    return UniformPlace(region)
+        if PRIMITIVES["gap"].evaluate(MATH, over.footprint, box, *over.pose, *middle) >= 0.0:
+            raise SpecError(_outside(lowering, expr.span(reader.source), which, region=over.region))
+    return over
 
 
 def _uniform_heading(reader: _Reader, call: ast.Call) -> UniformHeading:
@@ -455,3 +456,29 @@ def circles(lowering: Lowering, statements: Sequence[PriorStatement]) -> Iterato
             elif following in relative and following not in done:
                 path.append(following)
                 stack.append(iter(sorted(relative[following])))
+
+
+def prior_text(prior: Prior, names: Sequence[str], objects: Sequence[str]) -> str:
+    """A prior as a spec says it, with recorded poses counted; `names` are what its things are called, `objects` those
+    of the spec."""
+    each = [f"theta({name})" for name in names] if prior.part == "heading" else names
+    options = [_option_text(prior, one, objects) for one in prior.options]
+    mixture = ", ".join(f"{one}: {weight:g}" for one, weight in zip(options, prior.weights, strict=True))
+    return f"{', '.join(each)} ~ {options[0] if len(options) == 1 else f'[{mixture}]'}"
+
+
+def _option_text(prior: Prior, one: _Option | Recorded, objects: Sequence[str]) -> str:
+    match one:
+        case UniformPlace(region=region):
+            return f"uniform({region})"
+        case UniformHeading(low, high):
+            return f"uniform({math.degrees(low):g} deg, {math.degrees(high):g} deg)"
+        case Recorded(rows, reach, turn):
+            return f"poses({len(rows):,} row{'s' * (len(rows) > 1)}, {100.0 * reach:g} cm, {math.degrees(turn):g} deg)"
+        case Normal(middle, deviation):
+            numbers = [describe(prior.nodes, objects, node) for node in middle]
+            if prior.part == "place":
+                return f"normal(({', '.join(numbers)}), {100.0 * deviation:g} cm)"
+            (known,) = (prior.nodes[node] for node in middle)
+            written = f"{math.degrees(known.value):g} deg" if isinstance(known, Const) else numbers[0]
+            return f"normal({written}, {math.degrees(deviation):g} deg)"

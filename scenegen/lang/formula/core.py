@@ -8,7 +8,7 @@ margin: satisfied where it is >= 0) and Junction (hard min or max of formulas). 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Literal
 
@@ -136,6 +136,22 @@ class Core:
     labels: Mapping[str, int]
     objects: tuple[str, ...]
     requirement: int | None = None
+
+
+@dataclass(slots=True)
+class TapeWriter:
+    """Collects nodes, each only once; `number` maps them to their places."""
+
+    nodes: list[Node] = field(default_factory=list)
+    number: dict[Node, int] = field(default_factory=dict)
+
+    def add(self, node: Node) -> int:
+        """The place of a node."""
+        index = self.number.get(node)
+        if index is None:
+            index = self.number[node] = len(self.nodes)
+            self.nodes.append(node)
+        return index
 
 
 REQUIRE = "require"  # a keyword, so no label of a spec has this name

@@ -30,6 +30,7 @@ from scenegen.learn.training.gathering import Gathering, SceneBatch, TimeUpError
 from scenegen.processes.pool import run_pieces
 from scenegen.sampling.choice import choose
 from scenegen.sampling.engine.blocks import Drawing
+from scenegen.sampling.prior import pull_back
 from scenegen.sampling.problem import make_problem
 from scenegen.sampling.rarity import Rarity, measure
 from scenegen.sampling.request import MAX_SEED, Range, SampleRequest
@@ -324,10 +325,7 @@ def reach(
 def _measure_rarity(spec: CheckedSpec, seed: int, stop: Stop, deadline: float) -> Rarity:
     """By chains, or by growth where these do not change surfaces, or find no scene that meets what is required."""
     lowest, highest = spec.box()
-    if spec.priors:
-        from scenegen.sampling.prior import pull_back
-
-        spec, _ = pull_back(spec, lowest, highest)
+    spec, _ = pull_back(spec, lowest, highest)
     if not spec.choices:
         found = measure(spec.core, lowest, highest, spec.labels, seed, stop=stop)
         stop.check()  # what a run has found by then depends on the clock

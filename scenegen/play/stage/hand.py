@@ -46,7 +46,7 @@ def make_hand(source: str, task: SuiteTask, suite: Suite) -> HandWorld:
 
 @dataclass(slots=True, eq=False)
 class HandWorld:
-    """Calls of Gymnasium, answered by whoever reads `screen` and writes on `keys`. Where `source` is a folder, the
+    """Calls of Gymnasium, answered by a person who reads `screen` and writes on `keys`. Where `source` is a folder, the
     newest picture that came into it is looked at; otherwise it is a camera of OpenCV, or "" where nothing is looked at.
     overlay.png is written into the folder, or here; camera.json there says what is known of the camera. A policy acts
     on the robot itself in its one call of an episode."""

@@ -131,7 +131,7 @@ def compare_outcomes(one: SuiteOutcomes, other: SuiteOutcomes) -> PairedDifferen
 
 def blind_pairs(one: SuiteOutcomes, other: SuiteOutcomes) -> PairedDifference | None:
     """Of two policies, A and B of one order of pairs, the starts that both had back to back: how many were solved by
-    the first trial alone and by the second alone, whoever had which. None for others."""
+    the first trial alone and by the second alone, whichever policy had which. None for others."""
     if one.header.order is None or one.header.order != other.header.order:
         return None
     if {one.header.blind, other.header.blind} != {*LETTERS}:

@@ -23,7 +23,8 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.geometry import Footprint
 from scenegen.geometry.footprint import POINT, Circle
-from scenegen.geometry.interval import Interval, narrows_poses
+from scenegen.geometry.footprint_rules import narrows_poses
+from scenegen.geometry.interval import Interval
 from scenegen.geometry.primitives import PRIMITIVES, argument_kinds
 from scenegen.lang.formula.core import (
     REQUIRE,

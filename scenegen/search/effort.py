@@ -14,9 +14,10 @@ import math
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, cast
 
 from scenegen.geometry.footprint import Circle
+from scenegen.geometry.quantile import QUANTILE, Quantile
 from scenegen.lang.formula.core import Apply, Node, children
 
 BOUND_SECONDS = 8.6e-9  # seconds of a unit of bounds and planning
@@ -28,6 +29,7 @@ MOVE_SECONDS = 6.3e-9  # of a unit of scoring a scene that a chain moves to
 # units of proposing it, and of the calls of a move of all chains, besides those of scoring
 MOVE_WORK, MOVE_CALLS_WORK = 12.0, 1e4
 CALL_WORK = 1000  # of an interval rule, for each of its arguments, however few boxes there are
+QUANTILE_CALL_WORK, QUANTILE_WORK = 12_000, 16  # of a rule of quantiles: of a run, and of an option and a box
 CORNERED_WORK = 10  # times as much as a sum: what a footprint with corners takes
 PYTHON_WORK = 200  # a few lines of Python for one node, set or tuple
 
@@ -150,6 +152,9 @@ def effort_until(deadline: float) -> Effort:
 
 def bounding_work(node: Node, boxes: int) -> int:
     """The work of one call of a node's rule, forward or backward, for so many boxes."""
+    if isinstance(node, Apply) and node.primitive == QUANTILE:
+        of = cast(Quantile, node.shapes[0])
+        return len(of.runs) * QUANTILE_CALL_WORK + len(of.ends) * boxes * QUANTILE_WORK
     return len(children(node)) * (CALL_WORK + boxes * (CORNERED_WORK if _has_corners(node) else 1))
 
 

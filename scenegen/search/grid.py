@@ -95,9 +95,9 @@ class Grid:
 class Coupled:
     """What a grid covers: what is left of one contracted box of the tape `nodes`, whose intervals are lo, hi (T,).
 
-    `dims` are the positions to cover, and `names` what the grid calls them, `given` those whose intervals are kept when
-    bounds are computed again, `demands` the formula nodes with the ends that make a box whole: one that meets all of
-    them is not split further.
+    `dims` are the positions to cover, `cuts` those of them along which boxes may be cut, and `names` what the grid
+    calls the dims; `given` are those whose intervals are kept when bounds are computed again, `demands` the formula
+    nodes with the ends that make a box whole: one that meets all of them is not split further.
     """
 
     nodes: tuple[Node, ...]
@@ -105,13 +105,23 @@ class Coupled:
     lo: Array
     hi: Array
     dims: tuple[int, ...]
+    cuts: tuple[int, ...]
     given: tuple[int, ...]
     demands: tuple[tuple[int, float, float], ...]
 
     @property
     def key(self) -> tuple[object, ...]:
         """The same for the same grids: arrays have no hash."""
-        return self.nodes, self.names, self.lo.tobytes(), self.hi.tobytes(), self.dims, self.given, self.demands
+        return (
+            self.nodes,
+            self.names,
+            self.lo.tobytes(),
+            self.hi.tobytes(),
+            self.dims,
+            self.cuts,
+            self.given,
+            self.demands,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +148,7 @@ class _Tape:
 @dataclass(frozen=True, slots=True)
 class _GridBoxes:
     """K disjoint boxes: the intervals lo, hi (T, K) of all nodes, which boxes are worth a cut, `open_`, and how much
-    they cover, `volume`. `whole` (d,) is how wide they were before the first cut."""
+    they cover, `volume`. `whole` is how wide they were along the cuts before the first one."""
 
     lo: Array
     hi: Array
@@ -193,7 +203,7 @@ def make_grid(what: Coupled, budget: int, effort: Effort) -> BuiltGrid:
         chosen = np.flatnonzero(boxes.open_ & (boxes.volume >= MIN_SHARE_OF_LARGEST * largest))
         if largest <= 0.0:
             break
-        most = MAX_NUMBERS_AT_A_TIME // (2 * len(what.dims) * len(what.nodes))
+        most = MAX_NUMBERS_AT_A_TIME // (2 * len(what.cuts) * len(what.nodes))
         room = max(1, min(budget - boxes.count, most))
         if len(chosen) > room:
             full |= room < most
@@ -218,43 +228,43 @@ def _first(tape: _Tape) -> _GridBoxes:
     lo, hi = tape.what.lo[:, None].copy(), tape.what.hi[:, None].copy()
     alive = tape.contract(lo, hi)
     lo, hi = lo[:, alive], hi[:, alive]
-    where = list(tape.what.dims)
-    whole = np.maximum((hi - lo)[where].max(axis=1, initial=0.0), 1e-300)
-    return _GridBoxes(lo, hi, ~tape.is_settled(lo, hi), _volume(lo, hi, where), whole)
+    whole = np.maximum((hi - lo)[list(tape.what.cuts)].max(axis=1, initial=0.0), 1e-300)
+    return _GridBoxes(lo, hi, ~tape.is_settled(lo, hi), _volume(lo, hi, tape.what.dims), whole)
 
 
 def _cut(tape: _Tape, boxes: _GridBoxes, chosen: npt.NDArray[np.intp]) -> _GridBoxes:
     """The boxes with both halves of those `chosen` (C,) in their place, as far as there is something left of them."""
-    where = list(tape.what.dims)
-    lo, hi = _split(tape, boxes.lo[:, chosen], boxes.hi[:, chosen], where, boxes.whole)
+    lo, hi = _split(tape, boxes.lo[:, chosen], boxes.hi[:, chosen], boxes.whole)
     kept = np.ones(boxes.count, dtype=bool)
     kept[chosen] = False
     open_ = np.concatenate([boxes.open_[kept], ~tape.is_settled(lo, hi)])
-    volume = np.concatenate([boxes.volume[kept], _volume(lo, hi, where)])
+    volume = np.concatenate([boxes.volume[kept], _volume(lo, hi, tape.what.dims)])
     lo, hi = np.concatenate([boxes.lo[:, kept], lo], axis=1), np.concatenate([boxes.hi[:, kept], hi], axis=1)
     return _GridBoxes(lo, hi, open_, volume, boxes.whole)
 
 
 def _volume(lo: Array, hi: Array, dims: Sequence[int]) -> Array:
-    volume: Array = np.prod(np.maximum(hi[dims] - lo[dims], 0.0), axis=0)
+    where = list(dims)
+    volume: Array = np.prod(np.maximum(hi[where] - lo[where], 0.0), axis=0)
     return volume
 
 
-def _split(tape: _Tape, lo: Array, hi: Array, dims: list[int], whole: Array) -> tuple[Array, Array]:
+def _split(tape: _Tape, lo: Array, hi: Array, whole: Array) -> tuple[Array, Array]:
     """Both halves of every box, cut where cutting and contracting leaves the least volume, or else along the relatively
     longest edge; empty halves are dropped."""
-    count, ways = lo.shape[1], len(dims)
-    middle = 0.5 * (lo[dims] + hi[dims])
+    cuts = list(tape.what.cuts)
+    count, ways = lo.shape[1], len(cuts)
+    middle = 0.5 * (lo[cuts] + hi[cuts])
     trial_lo, trial_hi = np.tile(lo, (1, 2 * ways)), np.tile(hi, (1, 2 * ways))
-    for way, dim in enumerate(dims):
+    for way, dim in enumerate(cuts):
         below = slice(2 * way * count, (2 * way + 1) * count)
         above = slice((2 * way + 1) * count, (2 * way + 2) * count)
         trial_hi[dim, below] = middle[way]
         trial_lo[dim, above] = middle[way]
     alive = tape.contract(trial_lo, trial_hi, rounds=2)
-    volume = np.where(alive, _volume(trial_lo, trial_hi, dims), 0.0).reshape(ways, 2, count)
+    volume = np.where(alive, _volume(trial_lo, trial_hi, tape.what.dims), 0.0).reshape(ways, 2, count)
     left = volume.sum(axis=1)
-    relative = (hi[dims] - lo[dims]) / whole[:, None]
+    relative = (hi[cuts] - lo[cuts]) / whole[:, None]
     # Volumes that differ by a few percent say nothing: the longer edge is then the better cut.
     best = np.argmin(left / np.maximum(left.max(axis=0), 1e-300) - 0.1 * relative / relative.max(axis=0), axis=0)
     column = np.arange(count)

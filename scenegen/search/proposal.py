@@ -172,7 +172,7 @@ def _fit(
     return Order(tuple(rows), offset + begin, room, narrow, most)
 
 
-MAX_GRID_DIMS = 6  # coupled coordinates that a grid may have; more cannot be covered well by boxes
+MAX_GRID_DIMS = 6  # coupled coordinates along which a grid may be cut; more cannot be covered well by boxes
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,10 +283,12 @@ def propose(
     log_volume = sum(step.log_volume for step in steps)
     for dims in groups:
         names = sorted(dims)
-        few = len(names) <= MAX_GRID_DIMS
+        # of many, those that several quantiles are relative to: the numbers of these are narrowed between the cuts
+        cuts = names if len(names) <= MAX_GRID_DIMS else [name for name in names if name in tape.middles]
+        few = 0 < len(cuts) <= MAX_GRID_DIMS
         if not few and all(isinstance(tape.nodes[name], Coord) for name in names):
             continue
-        grid = _grid(tape, forest, lo, hi, names, pending, budget if few else 1, effort, known)
+        grid = _grid(tape, forest, lo, hi, names, cuts, pending, budget if few else 1, effort, known)
         if grid.volume <= 0.0:
             return None
         for position, name in enumerate(names):
@@ -357,6 +359,7 @@ def _grid(
     lo: Array,
     hi: Array,
     names: list[int],
+    cuts: Sequence[int],
     pending: Sequence[Open],
     budget: int,
     effort: Effort,
@@ -380,6 +383,7 @@ def _grid(
         lo[old],
         hi[old],
         dims=tuple(number[name] for name in names),
+        cuts=tuple(number[name] for name in cuts),
         given=tuple(number[index] for index in old if index in tape.differences),
         demands=tuple((number[one.node], one.low, one.high) for one in demands),
     )

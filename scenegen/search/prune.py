@@ -31,6 +31,7 @@ MAX_PARTS = 256  # alternatives of a cover at most
 PILOT_SCENES = 1024  # scenes drawn from a part to see what is wasted
 PILOT_NUMBERS = 1 << 20  # numbers of one pilot at most: specs of thousands of atoms get smaller ones
 GOOD_ACCEPTANCE = 0.5  # share of the drawn scenes that are kept from which on a cover is good enough
+STEP_WORK = 1e6  # work that the next step towards a better cover takes, about
 MIN_COVER_WORK = 1.5e7  # work of a cover, a quarter of a second, from which on a worse one may be good enough
 SPLIT_FAILURES = 0.25  # an open junction that fails this often is worth a split
 # demands that these shares of the scenes meet by themselves are left out of the grids, in turn
@@ -38,6 +39,23 @@ LOOSE_SHARES = (0.7, 0.97)
 COARSE_BOXES, FINE_BOXES = 128, 2048  # boxes of a grid, first and when it is worth more
 SWEEP_ONLY_NODES = 20_000  # nodes of a tape from which on one sweep must do
 
+
+@dataclass(frozen=True, slots=True)
+class Enough:
+    """When a cover is good enough although less than GOOD_ACCEPTANCE of what is drawn is kept: after so much work that
+    the scenes that are asked for take less, if that is `least` or more; or after the work `most`. `drawing` is the work
+    of these scenes were all that is drawn kept; with 0 any cover of the work `least` will do."""
+
+    drawing: float = math.inf
+    least: float = MIN_COVER_WORK
+    most: float = math.inf
+
+    def reached(self, acceptance: float, used: float) -> bool:
+        """Whether a cover of which so much is kept, after so much work, will do."""
+        return used >= self.most or (used >= self.least and self.drawing <= acceptance * max(used, STEP_WORK))
+
+
+THE_BEST = Enough()  # nothing less will do
 
 Apart = tuple[tuple[int, float, float], ...]
 """Formula nodes (of the core) and the ends that tell the scenes of an alternative from the others'."""
@@ -114,15 +132,13 @@ def prune(
     seed: Sequence[int] = (0,),
     tape: Tape | None = None,
     effort: Effort | None = None,
-    enough: float = math.inf,
-    least: float | None = None,
+    enough: Enough = THE_BEST,
     stands: Collection[Stand] = (),
 ) -> Cover:
     """The cover of the scenes in the box lowest..highest (3N,) at which every wanted formula node lies within its ends.
 
-    `enough` is the work that its scenes would take if all that is drawn were kept. A cover from which they take less
-    work than it has taken itself, where that is `least` (by default SPENT) or more, is good enough, too; with 0 any
-    cover of so much work. `stands` are drawn on their surfaces; that they are on them must be part of what is wanted.
+    `enough` says when a worse one will do, too. `stands` are drawn on their surfaces; that they are on them must be
+    part of what is wanted.
 
     Deterministic: `seed` starts the pilots' random numbers, which decide about effort, never about what is covered.
     Raises what `effort` raises: half a cover is none.
@@ -130,13 +146,13 @@ def prune(
     effort = Effort() if effort is None else effort
     tape = make_tape(core, lowest, highest, effort) if tape is None else tape
     rng = np.random.default_rng(np.random.SeedSequence(list(seed)))
-    search = _Search(core, tape, lowest, highest, wanted, rng, effort, stands)
-    begun, least = effort.used, MIN_COVER_WORK if least is None else least
+    search = _Search(core, tape, lowest, highest, wanted, rng, effort, stands, enough)
+    begun = effort.used
     parts = search.open_up([(push_down(core, wanted), ())])
     while parts:
         weights = _weights(parts)
         expected = sum(weight * part.acceptance for weight, part in zip(weights, parts, strict=True))
-        if expected >= GOOD_ACCEPTANCE or (effort.used - begun >= least and enough <= expected * (effort.used - begun)):
+        if expected >= GOOD_ACCEPTANCE or enough.reached(expected, effort.used - begun):
             break
         waste = [
             weight * (1.0 - part.acceptance) * (not part.final) for weight, part in zip(weights, parts, strict=True)
@@ -192,6 +208,7 @@ class _Search:
     rng: np.random.Generator
     effort: Effort
     stands: Collection[Stand] = ()
+    enough: Enough = THE_BEST
     grids: Grids = field(default_factory=Grids)
 
     def open_up(self, entries: Sequence[Entry], *, couple: bool = True) -> list[Part]:
@@ -251,7 +268,7 @@ class _Search:
         # A demand that fails often may be tied to others that do not: these come in the second time.
         for loose in LOOSE_SHARES if couple else ():
             more = {one.core for one in atoms if one.node not in self.tape.affine and met[one.core] < loose} - coupling
-            if part.acceptance >= GOOD_ACCEPTANCE:
+            if part.acceptance >= GOOD_ACCEPTANCE or self.enough.reached(part.acceptance, 0.0):
                 break
             if not more:
                 continue

@@ -16,7 +16,19 @@ import numpy as np
 from scenegen.arrays import Array, Bool, Index
 from scenegen.geometry import PRIMITIVES, Interval
 from scenegen.geometry.footprint import Circle
-from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, Junction, Node, TapeWriter, children
+from scenegen.geometry.quantile import QUANTILE
+from scenegen.lang.formula.core import (
+    Apply,
+    Atom,
+    Const,
+    Coord,
+    Core,
+    Junction,
+    Node,
+    TapeWriter,
+    children,
+    nodes_below,
+)
 from scenegen.lang.formula.interpret import Algebra, fold
 from scenegen.search.effort import PYTHON_WORK, Effort, bounding_work
 
@@ -239,8 +251,8 @@ class Tape:
     `differences` maps a node to the two rows (a, b) of which it is a - b. `affine` maps nodes that depend on one
     coordinate or one difference alone, and linearly, to that node. `loops` are nodes that are 0 in every scene: of
     three objects, two differences add up to the third. `crowded` are the nodes that depend on primitives of any number
-    of things. `batches` are the nodes as intervals go over them; `contracted`
-    are boxes that `contract_box` keeps."""
+    of things, `middles` the coordinates that quantiles are relative to. `batches` are the nodes as intervals go over
+    them; `contracted` are boxes that `contract_box` keeps."""
 
     nodes: tuple[Node, ...]
     where: tuple[int, ...]
@@ -250,6 +262,7 @@ class Tape:
     loops: tuple[int, ...]
     batches: BatchedTape
     crowded: frozenset[int] = frozenset()
+    middles: frozenset[int] = frozenset()
     contracted: dict[Hashable, Contracted] = field(default_factory=dict, compare=False, repr=False)
 
     def support(self, node: int) -> frozenset[int]:
@@ -343,13 +356,20 @@ def make_tape(core: Core, lowest: Array, highest: Array, effort: Effort | None =
     nodes = tuple(writer.nodes)
     where = tuple(algebra.where)
     crowded: set[int] = set()
+    given: set[int] = set()
     for at, node in enumerate(nodes):
+        if isinstance(node, Apply) and node.primitive == QUANTILE:
+            given.update(node.args[2:])
         if (isinstance(node, Apply) and PRIMITIVES[node.primitive].crowd) or (
             crowded and not crowded.isdisjoint(children(node))
         ):
             crowded.add(at)
     batches = make_batches(nodes)
-    return Tape(nodes, where, algebra.rows, writer.differences, writer.affine, loops, batches, frozenset(crowded))
+    below = nodes_below(nodes, given) if given else ()
+    middles = frozenset(at for at in below if isinstance(nodes[at], Coord))
+    return Tape(
+        nodes, where, algebra.rows, writer.differences, writer.affine, loops, batches, frozenset(crowded), middles
+    )
 
 
 class _Forms(Algebra[AffineForm]):

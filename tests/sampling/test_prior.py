@@ -192,8 +192,24 @@ def test_the_same_bytes_whoever_draws(tmp_path):
 
 def test_a_narrow_prior_costs_no_rejections():
     text = "object mug, plate\nusually mug ~ normal((0.2, 0.5), 1 mm)\ntask: leftOf(mug, plate)\n"
-    scenes = scenegen.sample(scenegen.parse(text), (0.0, 0.2), 1000, method="rejection")
-    assert scenes.header.sampler["acceptance"] > 0.4
+    sampler = scenegen.sample(scenegen.parse(text), (0.0, 0.2), 1000, method="rejection").header.sampler
+    assert sampler["acceptance"] > 0.9 * 10.0 ** sampler["log10_probability"] > 0.1
+
+
+CROWD_ROUND_A_PLATE = """object block[4], plate
+usually block ~ normal(plate, 15 cm)
+task: forall b in block: leftOf(b, plate)
+"""
+
+
+def test_what_many_are_relative_to_is_cut_where_scenes_are_worth_it():
+    many, few = (
+        scenegen.sample(scenegen.parse(CROWD_ROUND_A_PLATE), (0.02, 0.05), n, spread="base").header.sampler
+        for n in (3000, 20)
+    )
+    share = 10.0 ** many["log10_probability"]
+    assert many["acceptance"] > 4.0 * share and few["acceptance"] < 2.0 * share
+    assert abs(many["log10_probability"] - few["log10_probability"]) <= many["log10_error"] + few["log10_error"]
 
 
 def test_without_a_prior_nothing_changes_and_with_one_the_box_stays():

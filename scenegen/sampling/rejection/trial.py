@@ -18,10 +18,12 @@ from scenegen.sampling.rejection.draw import EXPLORE_CHUNKS, Stages, explore, mi
 from scenegen.sampling.report import shortfall, too_early
 from scenegen.sampling.streams import REJECTION_PLAN_STREAM
 from scenegen.search.effort import Budget, Effort, StoppedError, TooMuchError, work_per_scene
-from scenegen.search.prune import MIN_COVER_WORK, Cover, prune
+from scenegen.search.prune import MIN_COVER_WORK, THE_BEST, Cover, Enough, prune
 
 # work of a trial above which another method is worth a try: more than any shipped spec takes, 2 to 3 s
 TRIAL_WORK = 1.4e8
+# work after which any cover will do where things usually are somewhere, and the same as a share of drawing the scenes
+PRIOR_COVER_WORK, PRIOR_COVER_SHARE = 5e6, 0.1
 CANDIDATE_MARGIN = 32.0  # times as many candidates as scenes, for cells that are rarer than others
 LONG_SEARCH_CANDIDATES = 32 * 65_536  # candidates after which the search ends if exploration found no cell at all
 
@@ -72,12 +74,19 @@ def make_trial(
     return Trial(cover, hits, tried, effort.used, stages)
 
 
-def _enough(problem: Problem) -> float:
-    """The work of the scenes that a problem asks for, were all candidates kept, if its cells are about as common as
-    each other. Where objects choose among surfaces, covers of many choices get better little by little, and most often
-    few scenes are asked for; else it is worth it."""
+def _enough(problem: Problem) -> Enough:
+    """Which cover of the whole range, or of a cell, is good enough, if cells are about as common as each other.
+
+    Where objects choose among surfaces, covers of many choices get better little by little, and most often few scenes
+    are asked for. Where things usually are somewhere, many candidates are good from the start, and bounds of quantiles
+    take long. Else the best is worth it."""
     each, _ = work_per_scene(problem.core.nodes)
-    return CANDIDATE_MARGIN * problem.request.n * each if problem.chooses else math.inf
+    drawing = problem.request.n * each
+    if problem.chooses:
+        return Enough(CANDIDATE_MARGIN * drawing)
+    if problem.spec.priors:
+        return Enough(drawing, 0.0, max(PRIOR_COVER_WORK, PRIOR_COVER_SHARE * drawing))
+    return THE_BEST
 
 
 def search_longer(problem: Problem, trial: Trial, budget: Budget, most: float = math.inf) -> Trial:
@@ -119,12 +128,11 @@ def make_cover(
     wanted: Mapping[int, tuple[float, float]],
     seed: tuple[int, ...],
     effort: Effort,
-    enough: float = math.inf,
-    least: float | None = None,
+    enough: Enough,
 ) -> Cover:
     """A cover of the scenes that meet a demand; see `prune`."""
     return prune(
-        problem.core, problem.lowest, problem.highest, wanted, seed, problem.tape, effort, enough, least, problem.stands
+        problem.core, problem.lowest, problem.highest, wanted, seed, problem.tape, effort, enough, problem.stands
     )
 
 
@@ -161,7 +169,7 @@ class _Covering:
         problem, effort = self.problem, effort_of(self.budget, most)
         stream = (problem.request.seed, REJECTION_PLAN_STREAM, cell + 1)
         try:
-            cover = make_cover(problem, problem.demand(cell), stream, effort, *_enough_for_cell(problem))
+            cover = make_cover(problem, problem.demand(cell), stream, effort, _enough_for_cell(problem))
             if not cover.parts:
                 return CellCover(cover, 0, 0, effort.used)
             rng = np.random.default_rng(np.random.SeedSequence(list(stream)))
@@ -171,15 +179,15 @@ class _Covering:
         return CellCover(cover, int(hits[cell]), tried, effort.used, stages)
 
 
-def _enough_for_cell(problem: Problem) -> tuple[float, float | None]:
-    """From which work on any cover of a cell is good enough, as `prune` takes it: see `trial._enough`. Where objects
+def _enough_for_cell(problem: Problem) -> Enough:
+    """Which cover of a cell is good enough, where the trial hits it seldom or never: see `_enough`. Where objects
     choose among surfaces, a cover is worth as much work as drawing the cell's scenes takes if they are so rare that the
     search just hits them; where the search misses them, a better cover would seldom have helped."""
     if not problem.chooses:
-        return math.inf, None
+        return _enough(problem)
     each, _ = work_per_scene(problem.core.nodes)
     share = problem.request.n / len(problem.possible)
-    return 0.0, max(MIN_COVER_WORK, share * each * CELL_CHUNKS * SCENES_IN_CACHE)
+    return Enough(0.0, max(MIN_COVER_WORK, share * each * CELL_CHUNKS * SCENES_IN_CACHE))
 
 
 def own_covers(

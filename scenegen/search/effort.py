@@ -29,7 +29,8 @@ MOVE_SECONDS = 6.3e-9  # of a unit of scoring a scene that a chain moves to
 # units of proposing it, and of the calls of a move of all chains, besides those of scoring
 MOVE_WORK, MOVE_CALLS_WORK = 12.0, 1e4
 CALL_WORK = 1000  # of an interval rule, for each of its arguments, however few boxes there are
-QUANTILE_CALL_WORK, QUANTILE_WORK = 12_000, 16  # of a rule of quantiles: of a run, and of an option and a box
+# of a rule of quantiles: of a run, and of an option and a box; and of a run for a scene
+QUANTILE_CALL_WORK, QUANTILE_WORK, QUANTILE_SCORE_WORK = 12_000, 16, 15
 CORNERED_WORK = 10  # times as much as a sum: what a footprint with corners takes
 PYTHON_WORK = 200  # a few lines of Python for one node, set or tuple
 
@@ -152,8 +153,8 @@ def effort_until(deadline: float) -> Effort:
 
 def bounding_work(node: Node, boxes: int) -> int:
     """The work of one call of a node's rule, forward or backward, for so many boxes."""
-    if isinstance(node, Apply) and node.primitive == QUANTILE:
-        of = cast(Quantile, node.shapes[0])
+    of = _quantile(node)
+    if of is not None:
         return len(of.runs) * QUANTILE_CALL_WORK + len(of.ends) * boxes * QUANTILE_WORK
     return len(children(node)) * (CALL_WORK + boxes * (CORNERED_WORK if _has_corners(node) else 1))
 
@@ -166,18 +167,26 @@ def scoring_work(nodes: Iterable[Node], scenes: int) -> float:
 
 def work_per_scene(nodes: Iterable[Node]) -> tuple[float, float]:
     """The work of computing nodes: of each scene, and of the calls, however many scenes there are."""
-    plain = cornered = 0
+    plain = cornered = runs = 0
     for node in nodes:
         count = len(children(node))
         plain += count
-        cornered += count * _has_corners(node)
-    return 0.1 * plain + 1.4 * cornered, plain * CALL_WORK / 8
+        of = _quantile(node)
+        if of is None:
+            cornered += count * _has_corners(node)
+        else:
+            runs += len(of.runs)
+    return 0.1 * plain + 1.4 * cornered + QUANTILE_SCORE_WORK * runs, plain * CALL_WORK / 8
 
 
 def moving_seconds(nodes: Iterable[Node], scenes: float, moves: float) -> float:
     """The seconds of so many moves of chains, in which so many scenes are tried in all."""
     each, calls = work_per_scene(nodes)
     return MOVE_SECONDS * (scenes * (each + MOVE_WORK) + moves * MOVE_CALLS_WORK) + CALL_SECONDS * moves * calls
+
+
+def _quantile(node: Node) -> Quantile | None:
+    return cast(Quantile, node.shapes[0]) if isinstance(node, Apply) and node.primitive == QUANTILE else None
 
 
 def _has_corners(node: Node) -> bool:

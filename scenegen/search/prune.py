@@ -31,7 +31,7 @@ MAX_PARTS = 256  # alternatives of a cover at most
 PILOT_SCENES = 1024  # scenes drawn from a part to see what is wasted
 PILOT_NUMBERS = 1 << 20  # numbers of one pilot at most: specs of thousands of atoms get smaller ones
 GOOD_ACCEPTANCE = 0.5  # share of the drawn scenes that are kept from which on a cover is good enough
-STEP_WORK = 1e6  # work that the next step towards a better cover takes, about
+STEP_WORK = 1e7  # work that the next step towards a better cover takes, about: 0.1 s
 MIN_COVER_WORK = 1.5e7  # work of a cover, a quarter of a second, from which on a worse one may be good enough
 SPLIT_FAILURES = 0.25  # an open junction that fails this often is worth a split
 # demands that these shares of the scenes meet by themselves are left out of the grids, in turn

@@ -205,7 +205,7 @@ task: forall b in block: leftOf(b, plate)
 def test_what_many_are_relative_to_is_cut_where_scenes_are_worth_it():
     many, few = (
         scenegen.sample(scenegen.parse(CROWD_ROUND_A_PLATE), (0.02, 0.05), n, spread="base").header.sampler
-        for n in (3000, 20)
+        for n in (20_000, 20)
     )
     share = 10.0 ** many["log10_probability"]
     assert many["acceptance"] > 4.0 * share and few["acceptance"] < 2.0 * share

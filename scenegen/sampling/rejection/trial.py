@@ -17,7 +17,15 @@ from scenegen.sampling.problem import SCENES_IN_CACHE, Problem, refuse_impossibl
 from scenegen.sampling.rejection.draw import EXPLORE_CHUNKS, Stages, explore, misses
 from scenegen.sampling.report import shortfall, too_early
 from scenegen.sampling.streams import REJECTION_PLAN_STREAM
-from scenegen.search.effort import Budget, Effort, StoppedError, TooMuchError, work_per_scene
+from scenegen.search.effort import (
+    BOUND_SECONDS,
+    SCORE_SECONDS,
+    Budget,
+    Effort,
+    StoppedError,
+    TooMuchError,
+    work_per_scene,
+)
 from scenegen.search.prune import MIN_COVER_WORK, THE_BEST, Cover, Enough, prune
 
 # work of a trial above which another method is worth a try: more than any shipped spec takes, 2 to 3 s
@@ -85,6 +93,7 @@ def _enough(problem: Problem) -> Enough:
     if problem.chooses:
         return Enough(CANDIDATE_MARGIN * drawing)
     if problem.spec.priors:
+        drawing *= SCORE_SECONDS / BOUND_SECONDS
         return Enough(drawing, 0.0, max(PRIOR_COVER_WORK, PRIOR_COVER_SHARE * drawing))
     return THE_BEST
 

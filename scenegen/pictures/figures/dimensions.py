@@ -161,8 +161,8 @@ Mark = Dimension | Turn | Guide
 
 @dataclass(frozen=True, slots=True)
 class FigureScene:
-    """A scene and its text: `x` and `y` are the ends of the workspace, `caption` the lines below. Those of `usual` count
-    objects without zones."""
+    """A scene and its text: `x` and `y` are the ends of the workspace, `caption` the lines below. `usual` numbers the
+    things that are no zones."""
 
     things: Sequence[FigureObject]
     x: tuple[float, float] = (0.0, 1.0)

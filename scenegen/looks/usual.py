@@ -25,7 +25,7 @@ MOST_DOTS = 150  # recorded places that are shown; of more, every second, third,
 
 
 @dataclass(frozen=True, slots=True)
-class Disc:
+class NormalCircles:
     """Half of a normal distribution lies within `inner` metres of its middle, nine tenths within `outer`, what lies
     outside of the box being cut off. `share` is that of a mixture."""
 
@@ -36,7 +36,7 @@ class Disc:
 
 
 @dataclass(frozen=True, slots=True)
-class Area:
+class UniformArea:
     """A part of the table, all of which is equally likely: its corners, and its share of a mixture."""
 
     corners: tuple[Point, ...]
@@ -50,8 +50,8 @@ class UsualPlace:
 
     things: tuple[int, ...]
     within: Rectangle
-    discs: tuple[Disc, ...] = field(default=())
-    areas: tuple[Area, ...] = field(default=())
+    discs: tuple[NormalCircles, ...] = field(default=())
+    areas: tuple[UniformArea, ...] = field(default=())
     dots: tuple[Point, ...] = field(default=())
 
 
@@ -84,14 +84,14 @@ def _places_of(prior: Prior, boxes: dict[int, Rectangle], row: Array) -> Iterato
     values = fold(prior.nodes, Numbers(MATH, row.tolist()))
     for place, thing in enumerate(prior.things):
         box = boxes[thing]
-        discs, areas, dots = list[Disc](), list[Area](), list[Point]()
+        discs, areas, dots = list[NormalCircles](), list[UniformArea](), list[Point]()
         for option, weight in zip(prior.options, prior.weights, strict=True):
             share = weight / sum(prior.weights)
             match option:
                 case Normal((x, y), deviation):
                     discs.append(_disc((float(values[x]), float(values[y])), deviation, box, share))
                 case UniformPlace():
-                    areas.append(Area(_part_inside(option, box), share))
+                    areas.append(UniformArea(_part_inside(option, box), share))
                 case Recorded(rows, reach, _):
                     some = rows[:: math.ceil(len(rows) / MOST_DOTS)]
                     kept = (one for one in some if _is_reachable(one, prior.things, boxes, reach))
@@ -99,7 +99,7 @@ def _places_of(prior: Prior, boxes: dict[int, Rectangle], row: Array) -> Iterato
         yield UsualPlace((thing,), box, tuple(discs), tuple(areas), tuple(dots))
 
 
-def _disc(middle: Point, deviation: float, box: Rectangle, share: float) -> Disc:
+def _disc(middle: Point, deviation: float, box: Rectangle, share: float) -> NormalCircles:
     """The circles round a middle that hold their shares of what is left of a normal distribution in a box."""
     steps = (np.arange(GRID_STEPS) + 0.5) / GRID_STEPS
     x, y = (
@@ -107,7 +107,7 @@ def _disc(middle: Point, deviation: float, box: Rectangle, share: float) -> Disc
         for axis, at in zip(PLACE, middle, strict=True)
     )
     inner, outer = np.quantile(np.hypot(x[:, None], y), (INNER, OUTER))
-    return Disc(middle, float(inner), float(outer), share)
+    return NormalCircles(middle, float(inner), float(outer), share)
 
 
 def _part_inside(region: UniformPlace, box: Rectangle) -> tuple[Point, ...]:

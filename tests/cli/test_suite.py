@@ -126,6 +126,7 @@ goal: closeTo(a, b, 6 cm)
 """
 
 
+@pytest.mark.long
 def test_an_error_is_said_once(scenegen, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("scenegen.sampling.rarity.RARITY_VISITS", 400_000)  # rough, which is enough here

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenegen.lang.checker import check_text
-from scenegen.looks.usual import MOST_DOTS, Disc, usual_places
+from scenegen.looks.usual import MOST_DOTS, NormalCircles, usual_places
 from scenegen.pose import row_of, rows_of
 from scenegen.sampling.prior import pull_back
 
@@ -66,7 +66,7 @@ def test_things_that_share_a_place_are_one_and_headings_are_none():
 def test_what_stands_on_a_region_is_cut_off_at_its_rectangle():
     text = "region shelf = rect(0.2, 0.6, 0.8, 0.9) at 30 cm\nobject jar on shelf, can\n"
     (place,) = of(text + "usually jar ~ normal((0.75, 0.7), 20 cm)\ntask: leftOf(jar, can)")
-    assert place.within == pytest.approx((0.2, 0.6, 0.8, 0.9)) and isinstance(place.discs[0], Disc)
+    assert place.within == pytest.approx((0.2, 0.6, 0.8, 0.9)) and isinstance(place.discs[0], NormalCircles)
     assert place.discs[0].outer < 0.55
 
 

@@ -220,6 +220,7 @@ def test_a_motion_travels_in_one_message():
     assert len(dumps([pose] * MAX_MOTION)) + MAX_TEXT < MAX_MESSAGE
 
 
+@pytest.mark.long
 def test_motions_are_shown_while_they_are_found(tmp_path, monkeypatch):
     """At first any, then what comes nearer, then those in the range as they are found; the last answer is as ever."""
     monkeypatch.setattr("scenegen.page.jobs.sample.BEAT_SECONDS", 0.0)

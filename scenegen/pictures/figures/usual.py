@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 
 from scenegen.geometry.footprint import Point, clip
-from scenegen.looks.usual import CIRCLE_CORNERS, Disc, UsualPlace
+from scenegen.looks.usual import CIRCLE_CORNERS, NormalCircles, UsualPlace
 
 FAINT, DARKER = 0.05, 0.16  # how opaque a part is of which hardly a thing is; and how much more, if all are in it
 DOT = 1.4  # pixels
@@ -28,7 +28,7 @@ def draw_usual(places: Sequence[UsualPlace], color: Callable[[int], str], pixel:
             yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{DOT}" fill="{ink}" fill-opacity="0.5"/>'
 
 
-def _circle(disc: Disc, radius: float) -> list[Point]:
+def _circle(disc: NormalCircles, radius: float) -> list[Point]:
     x, y = disc.middle
     turns = [math.tau * step / CIRCLE_CORNERS for step in range(CIRCLE_CORNERS)]
     return [(x + radius * math.cos(turn), y + radius * math.sin(turn)) for turn in turns]

@@ -5,7 +5,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 import scenegen
-from scenegen.looks.usual import FEW, Area, Disc, UsualPlace
+from scenegen.looks.usual import FEW, NormalCircles, UniformArea, UsualPlace
 from scenegen.pictures.figures.dimensions import FigureScene
 from scenegen.pictures.figures.topview import EDGES, topview
 
@@ -14,7 +14,8 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 def test_circles_end_at_their_box_and_parts_of_a_mixture_are_as_dark_as_they_are_likely():
     box = (0.0, 0.0, 1.0, 1.0)
-    disc, area = Disc((0.9, 0.5), 0.1, 0.2, 0.25), Area(((0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5)), 0.75)
+    disc = NormalCircles((0.9, 0.5), 0.1, 0.2, 0.25)
+    area = UniformArea(((0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5)), 0.75)
     places = [UsualPlace((1,), box, (disc,), (area,)), UsualPlace((0, 2), box, dots=((0.5, 0.5),))]
     tree = ET.fromstring(topview(FigureScene([], usual=places), width=264))  # 240 pixels are a metre
     outer, inner, region = tree.iter(f"{SVG}polygon")

@@ -45,7 +45,7 @@ def test_choices_in_a_bounded_range():
 CONJUNCTION = "object a[8], b[8]\ntask: forall i in 1..8: leftOf(a[i], b[i]) & closeTo(a[i], b[i], 30 cm)"
 
 
-@pytest.fixture(scope="module", params=["base", "flat"])
+@pytest.fixture(scope="module", params=["base", pytest.param("flat", marks=pytest.mark.long)])
 def grown(request):
     """Growth and rejection at a range that phi must not leave upwards either; growth drops scenes that do."""
     checked = check_text(CONJUNCTION)

@@ -197,13 +197,20 @@ def robot(folder: Path) -> None:
     (IMAGES / "camera_above.svg").write_bytes(hidden.figures(folder / "behind", "topview")[0].read_bytes())
 
 
+def usual(folder: Path) -> None:
+    """Where things usually are, under those of one scene."""
+    spec = scenegen.load(SPECS / "morning_table.spec")
+    scenes = scenegen.sample(spec, phi={"task": (0.0, None)}, n=1, seed=1)
+    (IMAGES / "usual_above.svg").write_bytes(scenes.figures(folder, "topview")[0].read_bytes())
+
+
 def assets(folder: Path) -> None:
     """All objects of the library."""
     (folder / "library.png").write_bytes(library_sheet(gallery(sorted(ASSETS), (320, 240))))
     small("assets.png", Image.open(folder / "library.png"))
 
 
-MADE = {one.__name__: one for one in (dinner, growth, setting, views, looks, heights, camera, robot, assets)}
+MADE = {one.__name__: one for one in (dinner, growth, setting, views, looks, heights, camera, robot, usual, assets)}
 
 
 def main() -> None:

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parent.parent
 DERIVED = "`make derived` rewrites every such file: read the diff"
-REAL = {"engine", "packaging", "slow"}  # folders of tests whose workers are started as users' are
+# folders and files of tests whose workers are started as users' are
+REAL = {"packaging", "slow", "test_interrupt.py", "test_plans_travel.py", "test_pool.py", "test_ray.py"}
 
 
 # Of laws that say no number of examples themselves (tests/laws.py), as many are tried. A busy machine takes its time:

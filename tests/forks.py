@@ -1,7 +1,7 @@
 """Worker processes of pools, forked from one process that has numpy, pybullet and the samplers loaded: starting Python
 and importing them takes half a second of CPU each time, and the tests start hundreds. What runs in them is the same.
 
-Tests of the processes themselves (tests/sampling/engine, tests/packaging, whatever starts a program) start real ones.
+Tests of the processes themselves (`REAL` in tests/conftest.py, and whatever starts a program) start real ones.
 """
 
 from __future__ import annotations
@@ -33,6 +33,11 @@ class Server:
     def __init__(self) -> None:
         self._control: socket.socket | None = None
         self._process: subprocess.Popen[bytes] | None = None
+
+    @property
+    def pid(self) -> int | None:
+        """None before the first fork."""
+        return None if self._process is None else self._process.pid
 
     def send(self, request: Mapping[str, Any], files: Sequence[int]) -> None:
         """Ask for a fork. If the server has died, it is started once more."""

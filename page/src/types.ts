@@ -52,6 +52,15 @@ export interface Hand {
   boxes: Point[][];
 }
 
+/** Where things usually are that have the same prior, given where the others stand: drawn within a box. */
+export interface UsualPlace {
+  things: number[];
+  within: [number, number, number, number];
+  discs: { middle: Point; inner: number; outer: number; share: number }[]; // half is in the inner circle, nine tenths in the outer one
+  areas: { corners: Point[]; share: number }[];
+  dots: Point[];
+}
+
 export interface Region {
   name: string;
   footprint: Footprint;
@@ -125,6 +134,7 @@ export interface Report {
   overlaps?: [string, string][];
   seen?: Seen[];
   hands?: Hand[];
+  usual?: UsualPlace[];
 }
 
 export interface Result extends Report {
@@ -222,7 +232,7 @@ export interface Boot {
     spec: Spec;
     meshes: Record<string, PackedMesh>;
     rarity: Rarity[];
-    reports: { values: (number | null)[]; decides: Record<string, Decides | null>; overlaps: [string, string][]; seen?: Seen[]; hands?: Hand[] }[];
+    reports: { values: (number | null)[]; decides: Record<string, Decides | null>; overlaps: [string, string][]; seen?: Seen[]; hands?: Hand[]; usual?: UsualPlace[] }[];
     command: string;
     file: object; // the head of a file of the scenes, as scenegen writes it
   };

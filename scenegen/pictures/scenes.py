@@ -31,6 +31,7 @@ from scenegen.lang.sights import sights_of
 from scenegen.lang.spec import CheckedSpec, combinations
 from scenegen.looks.overlay import hand_outlines, ring_of
 from scenegen.looks.stage import overlaps_of, usual_size
+from scenegen.looks.usual import FEW, usual_places
 from scenegen.needs import need
 from scenegen.pictures.figures import heatmap as heat
 from scenegen.pictures.figures.charts import phi_chart
@@ -248,6 +249,7 @@ def topviews(job: Job) -> dict[str, bytes]:
             assert isinstance(atom, Atom)
             phi = values[spec.core.labels[chosen]]
             sights, seen = _sights(spec, rows)
+            usual = usual_places(spec, rows)
             names = [f"{name}: {seen[place]}" if place in seen else name for place, name in enumerate(spec.objects)]
             things = [
                 FigureObject(name, shape.footprint, (float(x), float(y), float(theta)), inside=cells_of(shape))
@@ -261,6 +263,7 @@ def topviews(job: Job) -> dict[str, bytes]:
                 caption=[f"{atom.text} decides", f"{chosen} = {short(phi)}"],
                 good=phi >= 0.0,
                 sights=sights,
+                usual=usual if len(usual) <= FEW else (),
             )
             made[f"{scene_name(int(number), len(scenes))}_topview.svg"] = topview(view, width=480).encode()
     return dict(sorted(made.items()))

@@ -21,6 +21,8 @@ from scenegen.errors import DataError, RequestError, ScenegenError
 from scenegen.sampling.request import Range
 from scenegen.scenes.blocks import BLOCK
 
+from ..laws import FULL, in_full_again
+
 COUNT = 2 * BLOCK + 1000
 
 
@@ -428,6 +430,7 @@ def replaced(manifest, path, value):
     return changed
 
 
+@in_full_again
 @pytest.mark.parametrize("kind", ["set", "data"])
 def test_any_field_of_a_manifest_may_be_anything(kind, folders, tmp_path):
     folder = tmp_path / "set"
@@ -435,8 +438,8 @@ def test_any_field_of_a_manifest_may_be_anything(kind, folders, tmp_path):
     manifest = json.loads((folder / "manifest.json").read_text())
     scenes = scenegen.open_set(folder).read()
     tried = 0
-    for path in fields(manifest):
-        for value in ODD:
+    for number, path in enumerate(fields(manifest)):
+        for value in ODD if FULL else ODD[number % 3 :: 3]:
             (folder / "manifest.json").write_text(json.dumps(replaced(manifest, path, value)))
             tried += 1
             try:
@@ -450,7 +453,7 @@ def test_any_field_of_a_manifest_may_be_anything(kind, folders, tmp_path):
             np.testing.assert_array_equal(found.poses, scenes.poses)
             np.testing.assert_array_equal(again.poses, scenes.poses)
             assert told.scenes == len(scenes) and not told.faults, (path, value)
-    assert tried > 500
+    assert tried > (500 if FULL else 150)
 
 
 @pytest.mark.parametrize(

@@ -217,6 +217,7 @@ def test_how_rare_is_what_counting_says(made):
     assert np.abs(off[exact > -3.0]).max() < 0.35 and abs(np.median(off)) < 0.1
 
 
+@pytest.mark.long
 def test_a_shard_comes_back(made, here, scenegen):
     file = here / "data/near/part-000001.parquet"
     before = file.read_bytes()

@@ -126,8 +126,11 @@ goal: closeTo(a, b, 6 cm)
 """
 
 
+@pytest.mark.long
 def test_an_error_is_said_once(scenegen, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("scenegen.sampling.rarity.RARITY_VISITS", 400_000)  # rough, which is enough here
+    monkeypatch.setattr("scenegen.api.rarity.needs_growth", lambda *_: False)
     (tmp_path / "a.spec").write_text(SPEC)
     said = scenegen("suite", "new", "a.spec", "--bands", "far=-90cm:-80cm", "-n", "1", "--out", "s/", "--workers", "1")
     assert said.status == 1 and said.err.count("error[out-of-range]") == 1 and "a failed:" in said.err

@@ -21,6 +21,7 @@ from scenegen.learn.robustness.compile import TORCH
 from .drawing import arguments, boxes, shapes, within
 
 COUNT = 4000
+SLOW = {"shadowGap", "visibleShare"}  # in plain floats, a millisecond each
 NAMES = [name for name in PRIMITIVES if name != QUANTILE]  # samplers alone write quantiles: see test_quantile.py
 LIBRARY = {"sin": 1, "cos": 1, "bearing": 1}  # their last bit is the library's
 TURNED = {name for name, primitive in PRIMITIVES.items() if "footprint" in primitive.params}  # by sines and cosines
@@ -30,7 +31,7 @@ EXACT = set(NAMES) - TURNED - {"wrap", "bearing", *LIBRARY}
 def cases(name, seed=0):
     """Footprints, and arguments to go with them: fewer of these where there are many of those."""
     combinations = shapes(name)
-    count = COUNT if len(combinations) == 1 else 200
+    count = COUNT if len(combinations) == 1 else 50 if name in SLOW else 200
     return [(footprints, arguments(name, [seed, i], count)) for i, footprints in enumerate(combinations)]
 
 

@@ -108,9 +108,10 @@ def test_what_fits_a_line_is_printed_as_in_the_canonical_text(module):
 @in_full_again
 @pytest.mark.parametrize("line", LINES)
 def test_the_corpus(line):
-    obeys_the_laws(line)
     comments = ("  # between\n", "\n\n # own\n")
-    for comment in comments if FULL else (comments[len(line) % 2],):
+    if FULL or len(line) % 3 == 2:
+        obeys_the_laws(line)
+    for comment in comments if FULL else comments[len(line) % 3 : len(line) % 3 + 1]:
         obeys_the_laws(strew(line, lambda: comment))  # noqa: B023 - called at once
 
 

@@ -86,6 +86,14 @@ def test_evaluate_says_what_is_seen_and_where_hands_are(tmp_path):
     assert "seen" not in do("evaluate", tmp_path, poses=[poses[0][2:4]], why=True)[0]
 
 
+def test_evaluate_says_where_things_usually_are(tmp_path):
+    text = "object mug, cup\nusually cup ~ normal(mug, 3 cm)\ntask: leftOf(mug, cup)"
+    (found,) = do("evaluate", tmp_path, text=text, poses=[[[0.25, 0.5, 0.0], [0.75, 0.5, 0.0]]], why=True)
+    (place,) = found["usual"]
+    assert place["things"] == (1,) and place["discs"][0]["middle"] == (0.25, 0.5)
+    assert "usual" not in do("evaluate", tmp_path, poses=[[[0.2, 0.5, 0.0], [0.6, 0.5, 0.0]]], why=True)[0]
+
+
 def test_check_of_a_mistake_has_problems_alone(tmp_path):
     described, problems = do("check", tmp_path, text="leftof(mug, plate)")
     assert described == {"spec": None}

@@ -370,7 +370,7 @@ def test_stages_of_a_cover_are_found_once(monkeypatch):
 
     for place in (draw_staged, sampler):
         monkeypatch.setattr(place, "make_stages", counted)
-    problem = planned("task: nextTo(box[2], box[1])\n", {"task": Range(0.0, None)}, n=10_000)
+    problem = planned("task: nextTo(box[2], box[1])\n", {"task": Range(0.0, None)}, n=10_000, many=3)
     found = choice.try_rejection(problem, Budget(60.0), choice.FIRST_PRUNING_WORK)
     assert found.plan.sources[0].stages is found.trial.stages is not None and found.plan.seconds > 0.0
     more = search_longer(problem, found.trial, Budget(60.0))

@@ -87,6 +87,7 @@ task: leftOf(board, cup)
 ON_BOARD = 0.04 * (1.0 - 1.6 / math.pi + 0.04 * (1.0 + 2.0 / math.pi))
 
 
+@pytest.mark.long
 def test_what_stands_counts_over_the_workspace():
     """Its own box reaches as far around the workspace as what carries it."""
     found = rarity(parse(BOARD))

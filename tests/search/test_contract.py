@@ -192,9 +192,9 @@ def test_grids_that_are_kept_change_neither_covers_nor_counts(text, monkeypatch)
             cover = None
         return pickle.dumps(cover), effort.used, len(made)
 
-    kept = [covered(), *(covered(most) for most in (1e6, 3e6, 1e7))]
+    kept = [covered(), *(covered(most) for most in (1e6, 1e7))]
     monkeypatch.setattr(grids, "MAX_CACHED_GRIDS", 0)
-    plain = [covered(), *(covered(most) for most in (1e6, 3e6, 1e7))]
+    plain = [covered(), *(covered(most) for most in (1e6, 1e7))]
     assert [one[:2] for one in kept] == [one[:2] for one in plain]
     assert kept[0][2] <= plain[0][2]
     if "d" in spec.objects:
@@ -206,7 +206,7 @@ def test_the_budgets_of_a_grid_are_those_that_give_the_same(monkeypatch):
     asked, make = [], grids.make_grid
     monkeypatch.setattr(grids, "make_grid", lambda what, *rest: asked.append(what) or make(what, *rest))
     prune(spec.core, *spec.box(), {spec.core.labels["task"]: (0.0, 0.1)})
-    for what in asked:
+    for what in asked[::3]:
         for small, large in ((1, 2), (1, 40), (16, 100), (100, 700)):
             one, other = make(what, small, Effort()), make(what, large, Effort())
             if large in one.budgets:

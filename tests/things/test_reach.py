@@ -128,7 +128,7 @@ def test_fingers_that_slide_along_the_hand_close_nowhere():
     assert closing_direction(data, read_chain(data, "l6"), "l6", DOWN) is None
 
 
-@pytest.mark.parametrize("name", ["so101", "ur5e"])
+@pytest.mark.parametrize("name", [pytest.param("so101", marks=pytest.mark.long), "ur5e"])
 def test_shipped_arms_against_closed_forms(name):
     """`python -m experiments.arms.oracle NAME` does the same with 10,000 poses."""
     is_reached, axis = closed_form_oracle(name)

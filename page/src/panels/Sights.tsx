@@ -1,7 +1,8 @@
-// What robots reach and cameras see, in the scene from above. The server works it out; here it is drawn.
-import { decides, lit, poses, report, thing } from "../state";
-import type { CameraFrame, Hand, Pose, Ring, Spec } from "../types";
-import { at } from "../scene/top2d";
+// What robots reach and cameras see, and where things usually are, in the scene from above. The server works it out;
+// here it is drawn.
+import { decides, lit, poses, report, request, thing } from "../state";
+import type { CameraFrame, Hand, Pose, Ring, Spec, UsualPlace } from "../types";
+import { at, EDGES } from "../scene/top2d";
 
 /** A ring of an arm in its own frame, or the sector between two bearings. */
 function path({ nearest, farthest, bearing }: Ring): string {
@@ -51,6 +52,33 @@ export function Hands({ now, line }: { now: Spec; line: number }) {
     ) : null;
   };
   return <>{(report.value?.hands ?? []).map(ghost)}</>;
+}
+
+const FEW = 6; // usual places up to which all are shown, not only that of the object that is chosen or pointed at
+
+/** Where things usually are. One that is kept in place has no prior. */
+export function UsualPlaces({ now, line, side }: { now: Spec; line: number; side: number }) {
+  const all = (report.value?.usual ?? []).map((one) => ({ ...one, things: one.things.filter((k) => !(now.objects[k].name in request.value.fix)) })).filter(({ things }) => things.length);
+  const meant = ({ things }: UsualPlace) => things.find((k) => [thing.value, lit.value].includes(now.objects[k].name));
+  const dark = (share: number) => 0.05 + 0.16 * share;
+  return (
+    <>
+      {all.filter((one) => all.length <= FEW || meant(one) !== undefined).map((one) => {
+        const { things, within: [x0, y0, x1, y1], discs, areas, dots } = one;
+        const id = `usual-${things[0]}`, ink = EDGES[(meant(one) ?? things[0]) % EDGES.length];
+        return (
+          <g key={id} class={`usual${meant(one) === undefined ? "" : " near"}`} fill={ink} stroke={ink} stroke-width={(meant(one) === undefined ? 0.5 : 1.2) * line} data-things={things.map((k) => now.objects[k].name).join(" ")}>
+            <clipPath id={id}><rect x={x0} y={y0} width={x1 - x0} height={y1 - y0} /></clipPath>
+            <g clip-path={`url(#${id})`}>
+              {discs.map(({ middle: [x, y], inner, outer, share }) => [outer, inner].map((r) => <circle key={r} cx={x} cy={y} r={r} fill-opacity={dark(share)} />))}
+              {areas.map(({ corners, share }, k) => <polygon key={k} points={corners.map((point) => point.join(",")).join(" ")} fill-opacity={dark(share)} />)}
+            </g>
+            {dots.map(([x, y], k) => <circle key={k} class="dot" cx={x} cy={y} r={0.004 * side} />)}
+          </g>
+        );
+      })}
+    </>
+  );
 }
 
 /** How much of an object each camera sees, in words; "" where nothing says that. */

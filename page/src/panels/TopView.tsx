@@ -8,7 +8,7 @@ import type { Footprint, Mark, Spec } from "../types";
 import { apart, PIXELS, shortened, type Box, type Letters, type Tag } from "../scene/apart";
 import { outline, reach } from "../scene/reach";
 import { corner } from "../scene/stage3d";
-import { cameraNames, Frames, Hands, Rings, share } from "./Sights";
+import { cameraNames, Frames, Hands, Rings, share, UsualPlaces } from "./Sights";
 import { number, round125, spoken, spokenText } from "../words";
 
 function path(footprint: Footprint): string {
@@ -174,6 +174,7 @@ export function TopView() {
         {now.regions.map((one) => <path key={one.name} d={path(one.footprint)} transform={at(one.pose)} class="zone" stroke-width={line} stroke-dasharray={one.height ? `${6 * line} ${3 * line}` : undefined} />)}
         {named(now).map(({ x, y, text }) => <Text key={text} x={x} y={y} size={0.024 * side} kind="zone-name">{text}</Text>)}
         <rect class="frame" x={x[0]} y={y[0]} width={x[1] - x[0]} height={y[1] - y[0]} stroke-width={line} />
+        <UsualPlaces now={now} line={line} side={side} />
         <Rings now={now} line={line} />
         <Frames now={now} line={line} side={side} />
         <Heat now={now} />

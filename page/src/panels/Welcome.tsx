@@ -12,7 +12,7 @@ export const tour = signal(-1); // the step that is shown; -1: none
 // Topic -> shipped specs. One that is in no topic stands under the last.
 const TOPICS: [string, string[]][] = [
   ["Learn the language", ["first", "mug_left_of_plate", "breakfast", "sort_3", "block_tower"]],
-  ["Set a table", ["dinner_for_two", "table_setting", "tea_party", "sushi_plate", "fruit_bowl"]],
+  ["Set a table", ["dinner_for_two", "table_setting", "tea_party", "morning_table", "sushi_plate", "fruit_bowl"]],
   ["Desk and workshop", ["tidy_desk", "office_desk", "book_corner", "medical_tray", "toolbox_drawer"]],
   ["Shelves, drawers, bins", ["wall_shelf", "pantry_shelf", "shop_shelf", "put_away", "bottle_rack", "cutlery_drawer", "cutlery_tray", "packing_tray", "sorting_bins", "recycling", "served_pot"]],
   ["Robots and cameras", ["graspable_pick", "robot_placement", "occlusion_ladder"]],

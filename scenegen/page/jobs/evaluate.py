@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import lru_cache
 from typing import Any
 
@@ -24,6 +24,7 @@ from scenegen.lang.formula.interpret import evaluate as interpret
 from scenegen.lang.sights import sights_of
 from scenegen.lang.spec import CheckedSpec
 from scenegen.looks.overlay import hand_outlines
+from scenegen.looks.usual import usual_places
 from scenegen.page.jobs.source import (
     MAX_LINE_NODES,
     Json,
@@ -125,7 +126,13 @@ def reasons(spec: Spec, scenes: SceneSet) -> dict[str, Any]:
         "decides": {label: _decides(spec, label, values, plain) for label in core.labels},
         "overlaps": [[spec.objects[a], spec.objects[b]] for a, b in pairs],
         **_sights(spec.checked, rows),
+        **_usual(spec.checked, rows[:, 0]),
     }
+
+
+def _usual(spec: CheckedSpec, row: Array) -> dict[str, Any]:
+    """Where the things with priors usually are, in a scene (3M,)."""
+    return {"usual": [asdict(one) for one in usual_places(spec, row)]} if spec.priors else {}
 
 
 def _sights(spec: CheckedSpec, rows: Array) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from scenegen.geometry import PRIMITIVES, Box, Circle, Footprint, Polygon
 from scenegen.geometry.footprint import corners
 from scenegen.lang.formula.core import Apply, Atom, Const, Coord, Core, children
 from scenegen.lang.formula.interpret import evaluate
+from scenegen.looks.usual import UsualPlace
 from scenegen.pictures.figures.sights import FigureSights
 from scenegen.pose import FLAT, THETA, X, Y, row_of, span_of
 
@@ -160,7 +161,8 @@ Mark = Dimension | Turn | Guide
 
 @dataclass(frozen=True, slots=True)
 class FigureScene:
-    """A scene and its text: `x` and `y` are the ends of the workspace, `caption` the lines below."""
+    """A scene and its text: `x` and `y` are the ends of the workspace, `caption` the lines below. `usual` numbers the
+    things that are no zones."""
 
     things: Sequence[FigureObject]
     x: tuple[float, float] = (0.0, 1.0)
@@ -169,6 +171,7 @@ class FigureScene:
     caption: Sequence[str] = ()
     good: bool | None = None
     sights: FigureSights | None = None
+    usual: Sequence[UsualPlace] = ()
 
 
 UNIT = 1e-9  # tolerance for weights of coordinates that count as 1 and are drawn to scale

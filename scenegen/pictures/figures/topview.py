@@ -14,6 +14,7 @@ from xml.sax.saxutils import escape
 from scenegen.geometry import Box, Circle, Footprint, Polygon
 from scenegen.pictures.figures.dimensions import Dimension, FigureObject, FigureScene, Guide, Mark, Point, Turn, outline
 from scenegen.pictures.figures.sights import draw_above, draw_below
+from scenegen.pictures.figures.usual import draw_usual
 
 EM = 0.62  # width of a character in a sans-serif font such as DejaVu Sans, relative to the font size
 LINE_POINT_GAP = 3.0  # pixels between the points that represent a line
@@ -144,6 +145,7 @@ class _Panel:
         for thing in view.things:
             if thing.zone:
                 out += self._outline(thing, ZONE, ZONE_EDGE, 'stroke-dasharray="4 2"')
+        out += draw_usual(view.usual, lambda which: EDGES[which % len(EDGES)], self.pixel)
         around = self.left, self.low, self.right, self.top
         if view.sights is not None:
             out += draw_below(view.sights, around, self.pixel)

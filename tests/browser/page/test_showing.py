@@ -420,6 +420,39 @@ def test_rings_frames_hands_and_shares_in_the_view_from_above(serve, tab, tmp_pa
     assert stands.startswith(f"translate({x} {y})")
 
 
+USUAL = """object mug, saucer, cup
+usually mug ~ [normal((0.7, 0.4), 5 cm): 3, uniform(left): 1]
+region left = rect(0, 0, 0.3, 1)
+usually cup ~ normal((x(saucer) + 20 cm, y(saucer)), 3 cm)
+require noOverlap() & insideWorkspace()
+task: leftOf(saucer, mug)
+"""
+
+
+def test_the_view_from_above_shades_where_things_usually_are(serve, tab, tmp_path):
+    one = open_text(serve, tab, tmp_path, USUAL)
+    one.page.keyboard.press("v")
+    one.page.wait_for_selector("svg.top .usual", state="attached")
+    assert one.page.locator("svg.top .usual").count() == 2 and not one.page.locator("svg.top .usual.near").count()
+    mug = one.page.locator("svg.top .usual[data-things=mug]")
+    assert (mug.locator("g circle").count(), mug.locator("polygon").count()) == (2, 1)
+    circle = "document.querySelector('svg.top .usual[data-things=cup] circle')"
+    stands = (
+        f"Math.hypot({circle}.cx.baseVal.value - $.poses[1][0] - 0.2, {circle}.cy.baseVal.value - $.poses[1][1]) < 1e-6"
+    )
+    one.until(stands)  # beside its saucer, and goes with it
+    before = one.page.evaluate(f"{circle}.cx.baseVal.value")
+    one.page.hover("svg.top g.thing >> nth=1", force=True)
+    one.page.mouse.down()
+    one.page.wait_for_selector("svg.top .thing.chosen", state="attached")
+    box = one.page.locator("svg.top .thing.chosen > path").bounding_box()
+    one.page.mouse.move(box["x"] + box["width"] / 2 + 60, box["y"] + box["height"] / 2, steps=4)
+    one.page.mouse.up()
+    one.until(f"{stands} && Math.abs({circle}.cx.baseVal.value - {before}) > 0.01")
+    one.page.hover("svg.top g.thing >> nth=2", force=True)
+    one.page.wait_for_selector("svg.top .usual.near[data-things=cup]", state="attached")
+
+
 def test_words_of_robots_and_cameras_are_coloured(serve, tab, tmp_path):
     one = open_text(serve, tab, tmp_path, SIGHTS)
     code = """(word) => [...document.querySelectorAll(".cm-line span")].filter((one) => one.textContent === word)

@@ -70,6 +70,7 @@ def test_raw_scenes_are_near_their_phi(spec):
     assert scenegen.sample(model, {"goal": (-0.1, 0.0)}, n=50, raw=True).header.sampler["raw"] is True
 
 
+@pytest.mark.long
 def test_it_does_not_wait_for_sympy():
     """torch imports it, which takes half a second, where slopes are given to begin with."""
     program = (

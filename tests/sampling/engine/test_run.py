@@ -36,7 +36,9 @@ def few_chains():
         yield
 
 
-@pytest.fixture(scope="module", params=CASES)
+@pytest.fixture(
+    scope="module", params=[pytest.param(one, marks=[pytest.mark.long] * (one == "splitting")) for one in CASES]
+)
 def case(request):
     """A call, and its scenes drawn in this process."""
     method, ends, n = CASES[request.param]

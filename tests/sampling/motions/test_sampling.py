@@ -240,7 +240,7 @@ def test_what_stands_counts_over_the_workspace(on_tray, monkeypatch):
     assert abs(given.log10 - (both - met)) < 1.5 * given.error < 0.1
 
 
-@pytest.mark.parametrize("method", ["rejection", "splitting"])
+@pytest.mark.parametrize("method", ["rejection", pytest.param("splitting", marks=pytest.mark.long)])
 def test_so_it_does_in_the_probability_of_a_request(on_tray, method):
     info = scenegen.sample_motions(scenegen.parse(ON_TRAY), {"task": (0.0, None)}, 200, seed=2, method=method)
     info = info.header.sampler

@@ -26,7 +26,7 @@ require speed(mug) <= 30 cm/s
 task: eventually closeTo(mug, plate, 20 cm)
 """
 SPEC = scenegen.parse(PASS)
-PHI, N, SEED, BLOCK = (-0.3, 0.1), 300, 4, 64
+PHI, N, SEED, BLOCK = (-0.1, 0.1), 300, 4, 64
 
 
 @pytest.fixture(scope="module")

@@ -314,20 +314,23 @@ def test_names():
     }
 
 
-@pytest.mark.parametrize("name", ["table", "Looks", 'a "b" <c> \\ \'"""', "é 🍜", "block[1]", "{}", "-"])
-def test_objects_of_any_name(name, tmp_path):
-    scenes = scenes_of(
-        "object mug, plate\ntask: leftOf(mug, plate)", {"mug": (0.2, 0.5, 0.0), "plate": (0.6, 0.5, 0.0)}
-    )
-    first, *rest = scenes.header.objects
-    header = scenes.header.model_copy(update={"objects": [first.model_copy(update={"name": name}), *rest]})
+def test_objects_of_any_name(tmp_path):
+    names = ["table", "Looks", 'a "b" <c> \\ \'"""', "é 🍜", "block[1]", "{}", "-"]
+    places = {f"cup{k}": (0.1 + 0.13 * k, 0.5, 0.0) for k in range(len(names))}
+    text = f"object {', '.join(f'{name} = block' for name in places)}, plate\ntask: leftOf(cup0, plate)"
+    scenes = scenes_of(text, places | {"plate": (0.6, 0.8, 0.0)})
+    *cups, plate = scenes.header.objects
+    renamed = [one.model_copy(update={"name": name}) for one, name in zip(cups, names, strict=True)]
+    header = scenes.header.model_copy(update={"objects": [*renamed, plate]})
     scenes = type(scenes)(scenes.poses, scenes.phi, header, trusted=True)
     for path in (*scenes.export(tmp_path / "all", "usd"), *scenes.export(tmp_path / "all.usdc")):
         stage = opened(path)
-        assert list(things(stage)) == [name, "plate"] and faults(stage) == []
-        prim = things(stage)[name]
-        assert name in (prim.GetName(), prim.GetDisplayName())
-        assert len(stage.GetDefaultPrim().GetChildren()) == 3 and poses(stage, [name])[0, 0] == 0.2
+        assert list(things(stage)) == [*names, "plate"] and faults(stage) == []
+        for name, (x, _, _) in zip(names, places.values(), strict=True):
+            prim = things(stage)[name]
+            assert name in (prim.GetName(), prim.GetDisplayName())
+            assert poses(stage, [name])[0, 0] == pytest.approx(x)
+        assert len(stage.GetDefaultPrim().GetChildren()) == 1 + len(names) + 1
 
 
 def test_odd_letters_come_back(tmp_path):

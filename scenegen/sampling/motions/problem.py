@@ -14,6 +14,7 @@ from scenegen.errors import Diagnostic
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import ANGLES, LENGTHS, SIZE, THETA, TWO_PI, row_count
 from scenegen.sampling.cells import Cells, cut
+from scenegen.sampling.motions.beginning import FirstScenes
 from scenegen.sampling.rarity import cost as state_cost
 from scenegen.sampling.request import FixedPose, SampleRequest
 from scenegen.search.effort import NEVER, Stop
@@ -52,6 +53,9 @@ class MotionProblem:
     `turn` (N,), radians. Objects with neither stay where they are. The whole is conditioned on all centres within
     lowest to highest at every moment, and on the requirement's margin >= 0.
 
+    Where `begin` says what first scenes are, `lowest` and `highest` are the box of the uniform numbers that it makes
+    them of, and centres stay within its own box.
+
     `score` maps poses (N, 3, steps + 1, B) to (L + 1, B): phi of every label, then the requirement's margin, infinity
     where nothing is required. Headings that it gets may lie outside [0, 2 pi). It must be picklable for several
     processes. `scores` has the same rows, then the room (see GATES). `cost` is about how many numbers it computes for a
@@ -75,6 +79,7 @@ class MotionProblem:
     lean: LeanScores | None = None
     log_excess: float = 0.0
     spec: CheckedSpec | None = None
+    begin: FirstScenes | None = None
     warnings: tuple[Diagnostic, ...] = ()
     cells: Cells = field(init=False)
 
@@ -120,15 +125,23 @@ class MotionProblem:
         turned: npt.NDArray[np.bool_] = self.highest[:, 2] - self.lowest[:, 2] >= TWO_PI * (1.0 - 1e-12)
         return turned
 
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """The lowest and the highest pose of every object, (N, 3) each."""
+        begin = self.begin
+        if begin is None:
+            return self.lowest, self.highest
+        return begin.lowest.reshape(self.lowest.shape), begin.highest.reshape(self.lowest.shape)
+
     def room(self, poses: Array) -> Array:
         """The least distance of a moving centre from its limits, (N, 3, steps + 1, B) -> (B,), metres; negative
         outside; infinite if nothing moves."""
-        least = np.full(poses.shape[-1], np.inf)
+        least, (lowest, highest) = np.full(poses.shape[-1], np.inf), self.limits
         for thing in np.flatnonzero(self.radius > 0.0):
             for axis in LENGTHS:
                 place = poses[thing, axis]
-                np.minimum(least, place.min(axis=0) - self.lowest[thing, axis], out=least)
-                np.minimum(least, self.highest[thing, axis] - place.max(axis=0), out=least)
+                np.minimum(least, place.min(axis=0) - lowest[thing, axis], out=least)
+                np.minimum(least, highest[thing, axis] - place.max(axis=0), out=least)
         return least
 
     def batch_size(self, wanted: int, fewest: int) -> int:
@@ -202,9 +215,9 @@ def cost(spec: CheckedSpec) -> int:
 
 @dataclass(slots=True)
 class Variables:
-    """The base variables of P motions: what is drawn, and the poses follow from it. `first` (N, 3, P); `mover` (T, P),
-    indices of the problem's `movable`, all 0 if all move; `unit` (T, M, 3, P), M = 1 if one object moves in each step,
-    else as many as can move.
+    """The base variables of P motions: what is drawn, and the poses follow from it. `first` (N, 3, P), the first scene,
+    or the numbers that `begin` makes it of; `mover` (T, P), indices of the problem's `movable`, all 0 if all move;
+    `unit` (T, M, 3, P), M = 1 if one object moves in each step, else as many as can move.
 
     All are independent and uniform: the first scene over its box, the mover of each step, its displacement over the
     unit disc and its turn over -1 to 1, both in units of the mover's reach. So every change that keeps these variables
@@ -281,7 +294,7 @@ def poses_of(problem: MotionProblem, variables: Variables) -> Array:
     reach, slot_of = problem.reach, {thing: slot for slot, thing in enumerate(problem.movable.tolist())}
     steps, count = variables.mover.shape
     out = np.empty((len(problem.names), 3, steps + 1, count))
-    out[:, :, 0] = variables.first
+    out[:, :, 0] = variables.first if problem.begin is None else problem.begin.poses(variables.first)
     for thing, ways in enumerate(out):
         slot = slot_of.get(thing)
         own = variables.mover == slot if slot is not None and problem.moves == "one" else None

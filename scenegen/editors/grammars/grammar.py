@@ -60,8 +60,9 @@ def grammar_of(about: Spec | Sequence[str], to: str = "lark", *, shape: str = "g
 
     `to`: "lark" (the dialect of llguidance), "json" (its JSON form) or "gbnf" (llama.cpp). With the shape "goals" each
     label is a statement that some scene satisfies, or a choice of a few: all that the grammar makes passes `scenegen
-    check`. With "formulas" statements are joined freely; that may contradict itself, which `check` then says. `only` =
-    "labels" leaves the declarations out of what the model writes. docs/language-models.md says more.
+    check`. With "formulas" statements are joined freely; that may contradict itself, which `check` then says. Between
+    declarations and labels the model may say where things usually are. `only` = "labels" leaves the declarations and
+    this out of what it writes. docs/language-models.md says more.
 
     Raises RequestError for an unknown choice, for more than 40 objects, and where no scene was found that meets what
     the spec requires; SpecError for names that cannot be objects.
@@ -258,8 +259,8 @@ def grammar(
     found: Findings, before: Part, more: Mapping[str, Part], names: tuple[str, ...], shape: Shape = "goals"
 ) -> Grammar:
     """The grammar of a spec: what comes `before`, with `more` rules of it, then labels called `names`, in this order.
-    With the shape "goals" each is one statement that some scene satisfies, or a choice of them; with "formulas" anything
-    can be joined."""
+    With the shape "goals" each is one statement that some scene satisfies, or a choice of them; with "formulas"
+    anything can be joined."""
     literals = Literals(found, found.statements, "state").rules()
     moving = Literals(found, found.moving, "step").rules()
     timed = found.words is not None and found.words.timed

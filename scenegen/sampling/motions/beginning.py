@@ -18,7 +18,7 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import THETA, axis_of
 from scenegen.sampling.prior import BaseDistribution, pull_back
 
-PROBES = 256  # numbers by which it is found out how a coordinate scatters
+PROBED_NUMBERS = 256  # numbers by which it is found out how a coordinate scatters
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,8 +49,8 @@ def first_scenes(spec: CheckedSpec, lowest: Array, highest: Array) -> FirstScene
     _, base = pull_back(replace(spec, core=Core((), {}, spec.objects)), lowest, highest)
     low, high = lowest.copy(), highest.copy()
     for row in base.at:
-        numbers = np.tile((lowest + highest)[:, None] / 2.0, PROBES)
-        numbers[row] = lowest[row] + (highest[row] - lowest[row]) * (np.arange(PROBES) + 0.5) / PROBES
+        numbers = np.tile((lowest + highest)[:, None] / 2.0, PROBED_NUMBERS)
+        numbers[row] = lowest[row] + (highest[row] - lowest[row]) * (np.arange(PROBED_NUMBERS) + 0.5) / PROBED_NUMBERS
         values = base.poses(numbers)[row]
         values = np.unwrap(values) if axis_of(row) == THETA else values
         reach = math.sqrt(3.0) * float(values.std())  # of a uniform number with this standard deviation

@@ -11,7 +11,7 @@ import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
-from scenegen.editors.grammars.rules import IntegerRange, Part, Repeat, RuleRef, Terminal, choice, seq
+from scenegen.editors.grammars.rules import Alternation, IntegerRange, Part, Repeat, RuleRef, Seq, Terminal, choice, seq
 from scenegen.lang.prior import prior_rows
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, axis_of, owner
@@ -33,31 +33,70 @@ class _Subject:
 def usual_rules(spec: CheckedSpec, sure: Collection[str], headings: Sequence[str]) -> tuple[Part, dict[str, Part]]:
     """What may be said of where the things of a spec usually are, a line for each or none; and the rules of it. `sure`
     are objects that are there whatever the number of things; `spec` has all of them."""
-    point, regions = _point(spec), _regions(spec)
     said = {(owner(row), axis_of(row)) for row in prior_rows(spec.priors)}
     spoken_of = {one for one, _ in said}
     held = [spec.objects[one] for one in sorted(spec.fixed)]
-    earlier: list[str] = []
-    places: list[Part] = []
-    turns: list[Part] = []
-    for subject in _subjects(spec):
-        if not any((one, axis) in said for one in subject.elements for axis in PLACE):
-            fixed = () if subject.stands else (*regions, *held)
-            made = _place(None if subject.stands else point, regions, (*fixed, *earlier))
-            places += [] if made is None else [seq(Terminal(f"usually {subject.name} ~ "), made)]
-        if not any((one, THETA) in said for one in subject.elements):
-            turns.append(seq(Terminal(f"usually theta({subject.name}) ~ "), _turn(headings, (*held, *earlier))))
+    rules: dict[str, Part] = {}
+    lines: list[str] = []
+    fresh: list[str] = []  # earlier things that no rule has yet
+    earlier: Part | None = None
+    for number, subject in enumerate(_subjects(spec), start=1):
+        place = not any((one, axis) in said for one in subject.elements for axis in PLACE)
+        turn = not any((one, THETA) in said for one in subject.elements)
+        if fresh and (place or turn):
+            rules[f"before{number}"] = choice([*([] if earlier is None else [earlier]), *map(Terminal, fresh)])
+            earlier, fresh = RuleRef(f"before{number}"), []
+        if place and (earlier is not None or not subject.stands):
+            rules[f"normal{number}"] = _normal(subject, earlier)
+            made = _mixtures(RuleRef(f"normal{number}"), None if subject.stands else RuleRef("uniform"))
+            rules[f"place{number}"] = seq(Terminal(f"usually {subject.name} ~ "), made)
+            lines.append(f"place{number}")
+        if turn:
+            rules[f"turn{number}"] = seq(Terminal(f"usually theta({subject.name}) ~ "), _turned(earlier))
+            lines.append(f"turn{number}")
         if not any(one in spoken_of for one in subject.elements):
-            earlier += [name for one in subject.elements if (name := spec.objects[one]) in sure]
-    rules = {f"place{number}": one for number, one in enumerate(places, start=1)}
-    rules |= {f"turn{number}": one for number, one in enumerate(turns, start=1)}
-    lines = [Repeat(seq(RuleRef(name), Terminal("\n")), 0, 1) for name in rules]
-    if places:
-        rules["spread"] = seq(IntegerRange(1, WIDEST), Terminal(" cm"))
-        rules["weight"] = seq(Terminal(": "), IntegerRange(1, MOST_WEIGHT))
-    if point is not None and any(not one.stands for one in _subjects(spec)):
-        rules["point"] = point
-    return seq(*lines), rules
+            fresh += [name for one in subject.elements if (name := spec.objects[one]) in sure]
+    shared = {
+        "spot": choice([_point(spec), *map(Terminal, (*_regions(spec), *held))]),
+        "uniform": choice([Terminal(f"uniform({name})") for name in (*_regions(spec), "workspace")]),
+        "spread": seq(IntegerRange(1, WIDEST), Terminal(" cm")),
+        "weight": seq(Terminal(": "), IntegerRange(1, MOST_WEIGHT)),
+        "direction": choice([Terminal(one) for one in (*headings, *(f"theta({name})" for name in held))]),
+    }
+    used = {name for part in rules.values() for name in _names(part)}
+    rules |= {name: part for name, part in shared.items() if name in used}
+    return seq(*(Repeat(seq(RuleRef(name), Terminal("\n")), 0, 1) for name in lines)), rules
+
+
+def _normal(subject: _Subject, earlier: Part | None) -> Part:
+    """A place around earlier things and, of what can be anywhere in the workspace, around anything in it."""
+    around = ([] if earlier is None else [earlier]) + ([] if subject.stands else [RuleRef("spot")])
+    return seq(Terminal("normal("), choice(around), Terminal(", "), RuleRef("spread"), Terminal(")"))
+
+
+def _turned(earlier: Part | None) -> Part:
+    """A heading around a direction, or around that of an earlier thing."""
+    of_things = [] if earlier is None else [seq(Terminal("theta("), earlier, Terminal(")"))]
+    around = choice([RuleRef("direction"), *of_things])
+    return seq(Terminal("normal("), around, Terminal(", "), IntegerRange(1, WIDEST_TURN), Terminal(" deg)"))
+
+
+def _mixtures(normal: Part, uniform: Part | None) -> Part:
+    """A normal distribution, or a mixture of it and another one."""
+    other = normal if uniform is None else choice([normal, uniform])
+    weight = RuleRef("weight")
+    return choice([normal, seq(Terminal("["), other, weight, Terminal(", "), normal, weight, Terminal("]"))])
+
+
+def _names(part: Part) -> set[str]:
+    """The rules that a part refers to."""
+    match part:
+        case RuleRef(name):
+            return {name}
+        case Seq(parts) | Alternation(parts):
+            return {name for one in parts for name in _names(one)}
+        case _:
+            return set()
 
 
 def _subjects(spec: CheckedSpec) -> Iterator[_Subject]:
@@ -70,20 +109,16 @@ def _subjects(spec: CheckedSpec) -> Iterator[_Subject]:
             yield _Subject(name, tuple(elements), stands)
 
 
-def _point(spec: CheckedSpec) -> Part | None:
-    """A point of the workspace, in whole centimetres; None where there is none."""
-    ranges = []
+def _point(spec: CheckedSpec) -> Part:
+    """A point of the workspace: whole centimetres, or its middle, where that is too small for these."""
+    parts: list[Part] = []
     for low, high in (spec.workspace.x, spec.workspace.y):
         least, most = math.ceil(low / CENTIMETRE - 1e-9), math.floor(high / CENTIMETRE + 1e-9)
-        options: list[Part] = []
-        if most >= 0 and least <= most:
-            options.append(IntegerRange(max(least, 0), most))
-        if least < 0:
+        options: list[Part] = [IntegerRange(max(least, 0), most)] if most >= max(least, 0) else []
+        if least < min(0, most + 1):
             options.append(seq(Terminal("-"), IntegerRange(max(1, -most), -least)))
-        if not options:
-            return None
-        ranges.append(seq(choice(options), Terminal(" cm")))
-    return seq(Terminal("("), ranges[0], Terminal(", "), ranges[1], Terminal(")"))
+        parts.append(seq(choice(options), Terminal(" cm")) if options else Terminal(repr((low + high) / 2.0)))
+    return seq(Terminal("("), parts[0], Terminal(", "), parts[1], Terminal(")"))
 
 
 def _regions(spec: CheckedSpec) -> tuple[str, ...]:
@@ -91,22 +126,3 @@ def _regions(spec: CheckedSpec) -> tuple[str, ...]:
     (left, right), (bottom, top) = spec.workspace.x, spec.workspace.y
     inside = (one for one in spec.regions if left < one.pose[0] < right and bottom < one.pose[1] < top)
     return tuple(one.name for one in inside)
-
-
-def _place(point: Part | None, regions: Sequence[str], middles: Sequence[str]) -> Part | None:
-    """A distribution of places around the middles or, of what can be anywhere in the workspace, around a point of it;
-    None where there is no middle."""
-    around = [*([] if point is None else [RuleRef("point")]), *map(Terminal, middles)]
-    if not around:
-        return None
-    normal = seq(Terminal("normal("), choice(around), Terminal(", "), RuleRef("spread"), Terminal(")"))
-    over = [] if point is None else [Terminal(f"uniform({name})") for name in (*regions, "workspace")]
-    weight = RuleRef("weight")
-    mixture = seq(Terminal("["), choice([normal, *over]), weight, Terminal(", "), normal, weight, Terminal("]"))
-    return choice([normal, mixture])
-
-
-def _turn(headings: Sequence[str], earlier: Sequence[str]) -> Part:
-    """A distribution of headings."""
-    middle = choice([Terminal(one) for one in (*headings, *(f"theta({name})" for name in earlier))])
-    return seq(Terminal("normal("), middle, Terminal(", "), IntegerRange(1, WIDEST_TURN), Terminal(" deg)"))

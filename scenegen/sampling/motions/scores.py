@@ -44,9 +44,9 @@ from scenegen.lang.formula.interpret import phi as evaluate
 from scenegen.lang.formula.timed import Numpy, Signal, Timed, TimeNode, over_time
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, row_of, rows_along, rows_of
-from scenegen.sampling.motions.beginning import first_scenes
 from scenegen.sampling.motions.bounds import phi_bounds, step_bounds, without_step_bounds
 from scenegen.sampling.motions.problem import MAX_STATES_AT_ONCE, MotionProblem, cost, within_a_turn
+from scenegen.sampling.prior import pull_back
 from scenegen.sampling.problem import doubts_of_fixed, hold_fixed, refuse_turned_priors
 from scenegen.sampling.request import SampleRequest, within_reach
 from scenegen.search.effort import NEVER, Stop, StoppedError, effort_until_stopped
@@ -313,14 +313,13 @@ def make_motion_problem(spec: CheckedSpec, request: SampleRequest, stop: Stop = 
         raise RequestError(NO_BOUND_ON_STEPS(name=name))
     turn[np.isinf(turn)] = 0.0  # without a bound a heading is kept
     shape = (len(timed.objects), len(rows_of(0)))
-    begin = first_scenes(spec, lowest, highest)
-    low, high = (lowest, highest) if begin is None else (begin.low, begin.high)
+    _, base = pull_back(replace(spec, core=Core((), {}, timed.objects)), lowest, highest)
     return MotionProblem(
-        names=timed.objects, labels=tuple(timed.labels), steps=timed.horizon.steps, lowest=low.reshape(shape),
-        highest=high.reshape(shape), radius=radius, turn=turn, score=TraceScores(timed), request=checked,
+        names=timed.objects, labels=tuple(timed.labels), steps=timed.horizon.steps, lowest=lowest.reshape(shape),
+        highest=highest.reshape(shape), radius=radius, turn=turn, score=TraceScores(timed), request=checked,
         moves=timed.moves, dt=timed.horizon.dt, cost=cost(spec),
-        lean=make_lean_scores(timed), log_excess=spec.log_excess(lowest, highest), spec=spec, begin=begin,
-        warnings=warnings,
+        lean=make_lean_scores(timed), log_excess=spec.log_excess(lowest, highest),
+        spec=spec, base=base if base.at else None, warnings=warnings,
     )  # fmt: skip
 
 

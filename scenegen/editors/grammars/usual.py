@@ -52,7 +52,7 @@ def usual_rules(spec: CheckedSpec, sure: Collection[str], headings: Sequence[str
             rules[f"place{number}"] = seq(Terminal(f"usually {subject.name} ~ "), made)
             lines.append(f"place{number}")
         if turn:
-            rules[f"turn{number}"] = seq(Terminal(f"usually theta({subject.name}) ~ "), _turned(earlier))
+            rules[f"turn{number}"] = seq(Terminal(f"usually theta({subject.name}) ~ "), _heading(earlier))
             lines.append(f"turn{number}")
         if not any(one in spoken_of for one in subject.elements):
             fresh += [name for one in subject.elements if (name := spec.objects[one]) in sure]
@@ -74,7 +74,7 @@ def _normal(subject: _Subject, earlier: Part | None) -> Part:
     return seq(Terminal("normal("), choice(around), Terminal(", "), RuleRef("spread"), Terminal(")"))
 
 
-def _turned(earlier: Part | None) -> Part:
+def _heading(earlier: Part | None) -> Part:
     """A heading around a direction, or around that of an earlier thing."""
     of_things = [] if earlier is None else [seq(Terminal("theta("), earlier, Terminal(")"))]
     around = choice([RuleRef("direction"), *of_things])

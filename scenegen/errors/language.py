@@ -499,15 +499,10 @@ NO_PLACE_OVER_TIME = Kind(
     "no-place-over-time",
     (
         "{most:?}random numbers of things have no place in a spec over time",
-        "{usually:?}`usually` has no place in a spec over time",
         "`on any of` has no place in a spec over time",
     ),
-    ("{most:?}", "{usually:?}motions are uniform", "what an object stands on stays the same in a motion"),
-    (
-        "write {name}[{most}]",
-        "{usually:?}remove it; what a motion begins with is required: initially ...",
-        "name one surface",
-    ),
+    ("{most:?}", "what an object stands on stays the same in a motion"),
+    ("write {name}[{most}]", "name one surface"),
 )
 TIME_UNFINISHED = Kind(
     "time-unfinished",

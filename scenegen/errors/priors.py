@@ -64,12 +64,14 @@ CIRCULAR_PRIOR = Kind(
     (
         "{way:?}these things are relative to each other in a circle",
         "{switch:?}where things usually are cannot depend on which surface is taken",
+        "{step:?}where things usually are when a motion begins cannot depend on how they move",
         "`{name}` is relative to itself",
     ),
     "{way}",
     (
         "{way:?}let one of them be relative to nothing: usually {name} ~ normal((0.4, 0.3), 5 cm)",
         "{switch:?}take a number that is the same on all of them",
+        "{step:?}take a number of where they are, such as x(mug)",
         "name another thing, or a point; what poses have to fulfil is said by `require`",
     ),
 )

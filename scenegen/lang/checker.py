@@ -405,10 +405,6 @@ def read_priors(draft: Draft) -> None:
     said = [(one.source, one.statement) for one in draft.placed if isinstance(one.statement, ast.Usually)]
     if not said or draft.lowering.heights is None:
         return
-    if draft.lowering.horizon is not None:
-        source, first = said[0]
-        draft.problems.append(NO_PLACE_OVER_TIME(first.span(source), usually=True))
-        return
     also = draft.variants.behind(len(draft.scope.objects)) if draft.variants.more else {}
     lowering = draft.lowering
     lowering.space = draft.space

@@ -25,7 +25,17 @@ from scenegen.editors.grammars.rules import (
     lark,
     seq,
 )
-from scenegen.editors.grammars.statements import EXACT, MEASURES, Extra, Findings, PhraseForm, TrialStatement, findings
+from scenegen.editors.grammars.statements import (
+    EXACT,
+    HEADING_WORDS,
+    MEASURES,
+    Extra,
+    Findings,
+    PhraseForm,
+    TrialStatement,
+    findings,
+)
+from scenegen.editors.grammars.usual import usual_rules
 from scenegen.errors import RequestError, Source
 from scenegen.errors.requests import OUT_OF_RANGE, REQUIREMENT_NOT_FOUND, UNKNOWN_CHOICE
 from scenegen.geometry import NUMPY
@@ -50,8 +60,9 @@ def grammar_of(about: Spec | Sequence[str], to: str = "lark", *, shape: str = "g
 
     `to`: "lark" (the dialect of llguidance), "json" (its JSON form) or "gbnf" (llama.cpp). With the shape "goals" each
     label is a statement that some scene satisfies, or a choice of a few: all that the grammar makes passes `scenegen
-    check`. With "formulas" statements are joined freely; that may contradict itself, which `check` then says. `only` =
-    "labels" leaves the declarations out of what the model writes. docs/language-models.md says more.
+    check`. With "formulas" statements are joined freely; that may contradict itself, which `check` then says. Between
+    declarations and labels the model may say where things usually are. `only` = "labels" leaves the declarations and
+    this out of what it writes. docs/language-models.md says more.
 
     Raises RequestError for an unknown choice, for more than 40 objects, and where no scene was found that meets what
     the spec requires; SpecError for names that cannot be objects.
@@ -77,7 +88,11 @@ def rules_of(about: Spec | Sequence[str], *, shape: str = "goals", only: str = "
     found = findings(Source(spec.definition.name, least.source), scenes)
     declared = declarations(text, spec.objects)
     chosen: Any = shape
-    return grammar(found, declared if only == "spec" else "", label_names(text, MAX_LABELS_WRITTEN), chosen)
+    names = label_names(text, MAX_LABELS_WRITTEN)
+    if only == "labels":
+        return grammar(found, Terminal(""), {}, names, chosen)
+    usual, rules = usual_rules(spec.definition, least.objects, HEADING_WORDS)
+    return grammar(found, seq(Terminal(declared), usual), rules, names, chosen)
 
 
 def of_objects(names: Sequence[str]) -> Spec:
@@ -240,17 +255,20 @@ MAX_CONJUNCTS = 8
 MAX_PARENTHESES = 3  # of parentheses in free formulas
 
 
-def grammar(found: Findings, declared: str, names: tuple[str, ...], shape: Shape = "goals") -> Grammar:
-    """The grammar of a spec: `declared`, if anything, then labels called `names`, in this order. With the shape "goals"
-    each is one statement that some scene satisfies, or a choice of them; with "formulas" anything can be joined."""
+def grammar(
+    found: Findings, before: Part, more: Mapping[str, Part], names: tuple[str, ...], shape: Shape = "goals"
+) -> Grammar:
+    """The grammar of a spec: what comes `before`, with `more` rules of it, then labels called `names`, in this order.
+    With the shape "goals" each is one statement that some scene satisfies, or a choice of them; with "formulas"
+    anything can be joined."""
     literals = Literals(found, found.statements, "state").rules()
     moving = Literals(found, found.moving, "step").rules()
     timed = found.words is not None and found.words.timed
-    rules: dict[str, Part] = {"start": seq(Terminal(declared), RuleRef("goal1"))}
+    rules: dict[str, Part] = {"start": seq(before, RuleRef("goal1"))}
     for place, name in enumerate(names, start=1):
         last = place == len(names)
-        more = () if last else (Repeat(seq(Terminal("\n"), RuleRef(f"goal{place + 1}")), 0, 1),)
-        rules[f"goal{place}"] = seq(Terminal(f"{name}: "), RuleRef("formula"), *more)
+        rest = () if last else (Repeat(seq(Terminal("\n"), RuleRef(f"goal{place + 1}")), 0, 1),)
+        rules[f"goal{place}"] = seq(Terminal(f"{name}: "), RuleRef("formula"), *rest)
     if shape == "formulas":
         rules.update(_free_rules(timed, found.steps, bool(moving)))
     elif timed:
@@ -258,7 +276,7 @@ def grammar(found: Findings, declared: str, names: tuple[str, ...], shape: Shape
         rules["timed"] = _timed_rule(found.steps, "state", moving=bool(moving))
     else:
         rules["formula"] = seq(RuleRef("state"), Repeat(seq(Terminal(" | "), RuleRef("state")), 0, MAX_OPTIONS))
-    return Grammar({**rules, **literals, **moving})
+    return Grammar({**rules, **literals, **moving, **more})
 
 
 def _free_rules(timed: bool, steps: int, moving: bool) -> dict[str, Part]:

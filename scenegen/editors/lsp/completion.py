@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,6 +14,7 @@ from scenegen.editors.lsp.hover import asset
 from scenegen.editors.lsp.names import Binding, Kind, StatementSpan
 from scenegen.lang.check.heights import LIST_MEMBERS, SURFACE_SIZES
 from scenegen.lang.check.names import AREAS, SHAPE_WORDS
+from scenegen.lang.check.priors import TABLE_ENDING
 from scenegen.lang.check.scope import BUILT_IN
 from scenegen.lang.check.values import CORNERS, MEMBERS, SIDES, SIZES
 from scenegen.lang.syntax.tokens import KEYWORDS, ROBOT, STATEMENTS, Token, scan
@@ -90,6 +92,8 @@ def _items(here: _WordAtCursor) -> Iterator[CompletionItem]:
     kind = here.statement.kind if here.statement is not None and here.before else ""
     if last is not None and last.text == ".":
         yield from _members(here)
+    elif last is not None and _names_things(here):
+        yield from _things(here)
     elif last is not None and last.kind == "number":
         if not last.text[-1:].isalpha() and here.document.text[last.end : here.start].strip(" \t") == "":
             yield from (here.item(unit, "unit", about=words) for unit, words in vocabulary.UNIT_TEXTS.items())
@@ -98,6 +102,8 @@ def _items(here: _WordAtCursor) -> Iterator[CompletionItem]:
         yield from _supports(here)
     elif kind == "object" and here.back(1) == "of" and len(here.before) > 2 and _depth(here.before) == 0:
         yield from _functions(here, ("category",))
+    elif kind == "usually" and (here.back(2), here.back(1)) == ("uniform", "(") and here.before[1].text != "theta":
+        yield from _regions(here)
     elif last is None or _can_end(last):
         yield from _after_operand(here, kind)
         if last is None and len(here.document.index.statements) <= 1:
@@ -181,13 +187,13 @@ def _assets(here: _WordAtCursor) -> Iterator[CompletionItem]:
 
 
 def _files(document: Document, offset: int) -> Iterator[CompletionItem]:
-    """The specs that an import can name."""
+    """The specs that an import can name, or the tables of recorded poses."""
     start = document.text.rfind('"', 0, offset) + 1
     statement = document.index.statement(start - 1)
-    if document.path is None or statement is None or statement.kind != "import":
+    if document.path is None or statement is None or statement.kind not in ("import", "usually"):
         return
-    folder = document.path.parent
-    for path in sorted(folder.glob("*.spec")) if folder.is_dir() else ():
+    folder, ending = document.path.parent, ".spec" if statement.kind == "import" else TABLE_ENDING
+    for path in sorted(folder.glob(f"*{ending}")) if folder.is_dir() else ():
         if path.name != document.path.name:
             yield CompletionItem(path.name, "file", "", "", start, offset)
 
@@ -208,6 +214,36 @@ def _opens_support(here: _WordAtCursor) -> bool:
     if not _in_support(here.before):
         return False
     return here.back(1) == "on" or (here.back(1), here.back(2)) == ("of", "any") or here.back(1) in ("[", ",")
+
+
+def _names_things(here: _WordAtCursor) -> bool:
+    """Whether a thing of a `usually` statement is to come, before the sign `~`. Without a name after it the word is not
+    known as a keyword yet: it opens a line."""
+    at = next((at for at in range(len(here.before) - 1, -1, -1) if here.before[at].text == "usually"), -1)
+    tokens = here.before[at:]
+    text = here.document.text
+    if at < 0 or "~" in [one.text for one in tokens] or text[: tokens[0].start].rpartition("\n")[2].strip():
+        return False
+    inside = (here.back(2), here.back(1)) == ("theta", "(") and _depth(tokens) == 1
+    return inside or (here.back(1) in ("usually", ",") and _depth(tokens) == 0)
+
+
+def _things(here: _WordAtCursor) -> Iterator[CompletionItem]:
+    """What a `usually` statement can be about: objects and arrays that nothing holds, and their headings."""
+    for name, binding in sorted(here.document.values.items()):
+        held = re.search(r"\bat\b", binding.source.text[binding.end : binding.closes])
+        if binding.kind == "object" and not binding.inferred and not held:
+            yield here.item(name, binding.kind, *here.document.notes[binding])
+    if here.back(1) != "(":
+        yield from _functions(here, ("theta",))
+
+
+def _regions(here: _WordAtCursor) -> Iterator[CompletionItem]:
+    """What places can be uniform over."""
+    for name, binding in sorted(here.document.values.items()):
+        if binding.kind == "region":
+            yield here.item(name, binding.kind, *here.document.notes[binding])
+    yield here.item("workspace", "keyword", about=vocabulary.BUILT_IN_TEXTS["workspace"])
 
 
 def _lists_distributions(tokens: tuple[Token, ...]) -> bool:

@@ -259,12 +259,14 @@ def _normal(reader: _Reader, call: ast.Call, middles: list[int]) -> Normal:
 
 
 def _refuse_circle(reader: _Reader, nodes: Sequence[int], here: Span) -> None:
-    """Raises SpecError where numbers depend on the things themselves, or on which of several surfaces they stand."""
+    """Raises SpecError where numbers depend on the things themselves, on which of several surfaces they stand, or on
+    how they move."""
     lowering = reader.lowering
     core = lowering.builder.finish({str(number): node for number, node in enumerate(nodes)})
     for node in core.nodes:
         if isinstance(node, Coord) and node.object >= len(lowering.shapes):
-            raise SpecError(CIRCULAR_PRIOR(here, switch=True))
+            before = lowering.horizon is not None
+            raise SpecError(CIRCULAR_PRIOR(here, **{"step" if before else "switch": True}))
         if isinstance(node, Coord) and node.object in reader.present:
             raise SpecError(CIRCULAR_PRIOR(here, name=_name(lowering, node.object)))
 

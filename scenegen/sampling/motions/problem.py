@@ -14,6 +14,7 @@ from scenegen.errors import Diagnostic
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import ANGLES, LENGTHS, SIZE, THETA, TWO_PI, row_count
 from scenegen.sampling.cells import Cells, cut
+from scenegen.sampling.prior import BaseDistribution
 from scenegen.sampling.rarity import cost as state_cost
 from scenegen.sampling.request import FixedPose, SampleRequest
 from scenegen.search.effort import NEVER, Stop
@@ -50,7 +51,8 @@ class MotionProblem:
     hold a coordinate. In each step one object moves (`moves` "one": chosen uniformly among those that can move), or all
     do, by a displacement uniform over the disc of its `radius` (N,), metres, and a turn uniform over -turn to turn,
     `turn` (N,), radians. Objects with neither stay where they are. The whole is conditioned on all centres within
-    lowest to highest at every moment, and on the requirement's margin >= 0.
+    lowest to highest at every moment, and on the requirement's margin >= 0. Where there are priors, `base` makes first
+    scenes of uniform numbers in the same box; nothing else of a motion changes.
 
     `score` maps poses (N, 3, steps + 1, B) to (L + 1, B): phi of every label, then the requirement's margin, infinity
     where nothing is required. Headings that it gets may lie outside [0, 2 pi). It must be picklable for several
@@ -75,6 +77,7 @@ class MotionProblem:
     lean: LeanScores | None = None
     log_excess: float = 0.0
     spec: CheckedSpec | None = None
+    base: BaseDistribution | None = None
     warnings: tuple[Diagnostic, ...] = ()
     cells: Cells = field(init=False)
 
@@ -202,9 +205,9 @@ def cost(spec: CheckedSpec) -> int:
 
 @dataclass(slots=True)
 class Variables:
-    """The base variables of P motions: what is drawn, and the poses follow from it. `first` (N, 3, P); `mover` (T, P),
-    indices of the problem's `movable`, all 0 if all move; `unit` (T, M, 3, P), M = 1 if one object moves in each step,
-    else as many as can move.
+    """The base variables of P motions: what is drawn, and the poses follow from it. `first` (N, 3, P), the first scene,
+    or the numbers that the problem's `base` makes it of; `mover` (T, P), indices of the problem's `movable`, all 0 if
+    all move; `unit` (T, M, 3, P), M = 1 if one object moves in each step, else as many as can move.
 
     All are independent and uniform: the first scene over its box, the mover of each step, its displacement over the
     unit disc and its turn over -1 to 1, both in units of the mover's reach. So every change that keeps these variables
@@ -281,7 +284,7 @@ def poses_of(problem: MotionProblem, variables: Variables) -> Array:
     reach, slot_of = problem.reach, {thing: slot for slot, thing in enumerate(problem.movable.tolist())}
     steps, count = variables.mover.shape
     out = np.empty((len(problem.names), 3, steps + 1, count))
-    out[:, :, 0] = variables.first
+    out[:, :, 0] = _first_scenes(problem, variables.first)
     for thing, ways in enumerate(out):
         slot = slot_of.get(thing)
         own = variables.mover == slot if slot is not None and problem.moves == "one" else None
@@ -300,6 +303,13 @@ def poses_of(problem: MotionProblem, variables: Variables) -> Array:
     for moment in range(steps):
         some[:, :, moment + 1] += some[:, :, moment]
     return out
+
+
+def _first_scenes(problem: MotionProblem, first: Array) -> Array:
+    """The scenes in which motions begin, (N, 3, P)."""
+    if problem.base is None:
+        return first
+    return problem.base.poses(first.reshape(-1, first.shape[2])).reshape(first.shape)
 
 
 def within_a_turn(poses: Array) -> Array:

@@ -46,7 +46,8 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, row_of, rows_along, rows_of
 from scenegen.sampling.motions.bounds import phi_bounds, step_bounds, without_step_bounds
 from scenegen.sampling.motions.problem import MAX_STATES_AT_ONCE, MotionProblem, cost, within_a_turn
-from scenegen.sampling.problem import doubts_of_fixed, hold_fixed
+from scenegen.sampling.prior import pull_back
+from scenegen.sampling.problem import doubts_of_fixed, hold_fixed, refuse_turned_priors
 from scenegen.sampling.request import SampleRequest, within_reach
 from scenegen.search.effort import NEVER, Stop, StoppedError, effort_until_stopped
 
@@ -300,6 +301,7 @@ def make_motion_problem(spec: CheckedSpec, request: SampleRequest, stop: Stop = 
     assert timed is not None
     effort = effort_until_stopped(stop)
     lowest, highest, fixed = hold_fixed(spec, request.fix)
+    refuse_turned_priors(spec, lowest == highest)
     try:
         bounds = phi_bounds(timed, lowest, highest, effort)
     except StoppedError:
@@ -311,12 +313,13 @@ def make_motion_problem(spec: CheckedSpec, request: SampleRequest, stop: Stop = 
         raise RequestError(NO_BOUND_ON_STEPS(name=name))
     turn[np.isinf(turn)] = 0.0  # without a bound a heading is kept
     shape = (len(timed.objects), len(rows_of(0)))
+    _, base = pull_back(replace(spec, core=Core((), {}, timed.objects)), lowest, highest)
     return MotionProblem(
         names=timed.objects, labels=tuple(timed.labels), steps=timed.horizon.steps, lowest=lowest.reshape(shape),
         highest=highest.reshape(shape), radius=radius, turn=turn, score=TraceScores(timed), request=checked,
         moves=timed.moves, dt=timed.horizon.dt, cost=cost(spec),
-        lean=make_lean_scores(timed), log_excess=spec.workspace.log_excess(lowest, highest, len(timed.objects)),
-        spec=spec, warnings=warnings,
+        lean=make_lean_scores(timed), log_excess=spec.log_excess(lowest, highest),
+        spec=spec, base=base if base.at else None, warnings=warnings,
     )  # fmt: skip
 
 

@@ -18,6 +18,10 @@ SPECS = {
     "crowded": "object mug, plate, tray at (0.5, 0.5)\nobject block[2] = box(0.1, 0.1, 0.1) on tray\n"
     "region mat = rect(0.3, 0, 0.7, 0.2)\nconst NEAR = 20 cm\ndef near(a, b, e = NEAR) = dist(a, b) <= e\n"
     "require noCollision() & insideWorkspace()\nrequire easy\neasy: near(mug, plate, 60 cm)\ntask: near(mug, plate)\n",
+    "usual": "workspace [-0.5, 0.5] x [-0.2, 0.2]\nobject mug, plate, jar[1..2]\n"
+    "region mat = rect(-0.3, -0.1, -0.1, 0.1)\nregion far = rect(2, 2, 3, 3)\n"
+    "object tray at (0, 0), can on any of [tray, workspace]\nusually theta(mug) ~ normal(theta(plate), 5 deg)\n"
+    "task: leftOf(mug, plate)\n",
     "timed": "time 20 steps\nmoves one\nobject mug, plate\nrequire speed(mug) <= 20 cm/s\n"
     "task: eventually leftOf(mug, plate)\n",
 }

@@ -235,3 +235,20 @@ def test_distributions_stand_after_the_sign_and_in_a_list_after_it():
     for start in ("usually mug ~ normal(", "usually mug ~ [normal((", "task: "):
         assert not distributions & offered(HEAD + start + "§").keys(), start
     assert "usually" in offered(HEAD + "\n§")
+
+
+@pytest.mark.parametrize("after", ["", "\ntask: leftOf(mug, plate)", " ~ normal(mat, 5 cm)"])
+def test_things_stand_before_the_sign_and_regions_in_uniform(after):
+    head = HEAD + "object tray at (0.5, 0.5)\n"
+    for start in ("usually ", "usually m", "usually mug, ", "usually theta(mug), th"):
+        assert offered(head + start + "§" + after).keys() == {"plate", "mug", "block", "theta"}, start
+    assert offered(head + "usually theta(§" + after).keys() == {"plate", "mug", "block"}
+    assert offered(head + "usually mug ~ [uniform(§").keys() == {"mat", "spot", "workspace"}
+    assert offered(head + "usually block[§" + after).keys() >= {"NEAR"}
+
+
+def test_tables_of_recorded_poses_are_offered(tmp_path):
+    for name in ("logs.csv", "other.spec", "notes.txt"):
+        (tmp_path / name).write_text("")
+    document, offset = at_cursor(HEAD + 'usually mug ~ poses("lo§', path=tmp_path / "my.spec")
+    assert [one.word for one in completions(document, offset)] == ["logs.csv"]

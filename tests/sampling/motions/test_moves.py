@@ -30,13 +30,27 @@ def uneven(poses):
     return meets(poses[:, :, :2])
 
 
+PRIOR = """object a, b, c, d
+time 4 steps
+usually a, d ~ normal((0.3, 0.6), 12 cm)
+usually theta(a) ~ normal(NORTH, 40 deg)
+usually b ~ normal(a, 15 cm)
+usually c ~ [normal((0.8, 0.2), 10 cm): 2, normal((0.3, 0.3), 20 cm): 1]
+require forall o in objects: speed(o) <= 30 cm/s & spin(o) <= 30 deg/s
+task: (initially closeTo(a, c, 50 cm)) & finally farFrom(b, d, 10 cm)
+"""
+
+
 def problems():
     made = {
         moves: problem(uneven, {"a": (-0.3, 0.05)}, objects=3, steps=4, radius=0.3, moves=moves, required=apart)
         for moves in ("one", "all")
     }
+    prior = make_motion_problem(
+        scenegen.parse(PRIOR).definition, SampleRequest({"task": Range(-0.3, 0.1)}, n=1, spread="base")
+    )
     crowd = problem(uneven, {"a": (-0.5, 0.15)}, objects=5, steps=1, radius=0.05)
-    return made | {"held": held(made["one"], 2), "crowd": crowd}
+    return made | {"held": held(made["one"], 2), "crowd": crowd, "prior": prior}
 
 
 def inside(made):

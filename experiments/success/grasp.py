@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from scenegen.api.spec import Spec, parse
-from scenegen.arrays import Array
+from scenegen.arrays import Array, Bool
 from scenegen.lang.check.arms import YAWS
 from scenegen.learn.success.features import Feature
 from scenegen.learn.success.logistic import Outcomes, predict_held_out
@@ -48,15 +48,20 @@ def main(folder: str, path: str) -> None:
         mine = [one for one in outcomes.episodes if one.task == task.name]
         success = np.array([one.success for one in mine])
         found = scores(task, [suite[one.episode].row for one in mine])
-        data = Outcomes(READ, np.stack([found[one.name] for one in READ]), success, np.arange(len(mine)))
-        found["fit of the first three"] = predict_held_out(data, True)
+        found["fit of the first three"] = held_out(found, success)
         column = {"starts": f"{len(mine)}", "success": f"{success.mean():.0%}"}
         for name, score in found.items():
-            column[name] = "{:.2f} ({:.2f} to {:.2f})".format(*auc_interval(success, score, data.start))
+            column[name] = "{:.2f} ({:.2f} to {:.2f})".format(*auc_interval(success, score, np.arange(len(mine))))
         columns.append(column)
     print(f"| | {' | '.join(task.name for task in suite.tasks)} |\n|---|{'---|' * len(columns)}")
     for name in columns[0]:
         print(f"| {name} | {' | '.join(one[name] for one in columns)} |")
+
+
+def held_out(found: dict[str, Array], success: Bool) -> Array:
+    """(n,): the success that a fit of the other starts predicts, by their scores."""
+    data = Outcomes(READ, np.stack([found[one.name] for one in READ]), success, np.arange(len(success)))
+    return predict_held_out(data, True)
 
 
 def scores(task: SuiteTask, rows: Sequence[int]) -> dict[str, Array]:

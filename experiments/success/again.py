@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenegen.play.suites.outcomes import read_outcomes
+from scenegen.play.suites.outcomes import SuiteOutcomes, read_outcomes
 from scenegen.play.suites.run import run_suite
 from scenegen.play.suites.suite import Suite
 
@@ -22,14 +22,27 @@ POLICY = "experiments/success/policies.py:again"
 
 def main(folder: str, path: str, out: str, number: str) -> None:
     """Writes the outcomes."""
-    suite, chosen, rng = Suite.load(folder), list[int](), np.random.default_rng(0)
+    suite = Suite.load(folder)
     outcomes = read_outcomes(Path(path), suite)
+    os.environ["AGAIN"] = number
+    run_suite(
+        suite,
+        out,
+        world="table",
+        policy=POLICY,
+        episodes=failed_and_others(suite, outcomes),
+        steps=outcomes.header.steps,
+    )
+
+
+def failed_and_others(suite: Suite, outcomes: SuiteOutcomes) -> list[int]:
+    """Episodes that failed, and as many of each task that did not, drawn by lot."""
+    chosen, rng = list[int](), np.random.default_rng(0)
     for task in suite.tasks:
         mine = [one for one in outcomes.episodes if one.task == task.name]
         failed, won = ([one.episode for one in mine if one.success == ended] for ended in (False, True))
         chosen += failed + rng.permutation(won)[: len(failed)].tolist()
-    os.environ["AGAIN"] = number
-    run_suite(suite, out, world="table", policy=POLICY, episodes=sorted(chosen), steps=outcomes.header.steps)
+    return sorted(chosen)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from scenegen.play.suites.outcomes import SuiteOutcomes, read_outcomes
 from scenegen.play.suites.run import run_suite
 from scenegen.play.suites.suite import Suite
 
-POLICY = "experiments/success/policies.py:again"
+POLICY, STEPS = "experiments/success/policies.py:again", 100
 
 
 def main(folder: str, path: str, out: str, number: str) -> None:
@@ -31,7 +31,7 @@ def main(folder: str, path: str, out: str, number: str) -> None:
         world="table",
         policy=POLICY,
         episodes=failed_and_others(suite, outcomes),
-        steps=outcomes.header.steps,
+        steps=STEPS,
     )
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.success.again import failed_and_others
+from experiments.success.again import STEPS, failed_and_others
 from scenegen.play.suites.adapters.table import make
 from scenegen.play.suites.loading import load_named
 from scenegen.play.suites.outcomes import read_outcomes
@@ -39,7 +39,7 @@ def main(folder: str, path: str) -> None:
             observation, _ = world.reset(options={"start": start})
             policy.reset(start.seed)
             near, success = np.zeros(len(ends), dtype=int), False
-            for _ in range(outcomes.header.steps):
+            for _ in range(STEPS):
                 observation, _, success, _, _ = world.step(policy(observation, task.instruction))
                 near += np.abs(observation["joints"][:, None] - ends).min(axis=1) < NEAR
                 if success:

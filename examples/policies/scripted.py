@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import scenegen
-from scenegen.geometry import NUMPY, Box
+from scenegen.geometry import NUMPY, Box, Circle
 from scenegen.geometry.clearance import gap
 
 Moves = list[tuple[int, np.ndarray]]  # numbers of objects, and where each goes: x, y, theta, z
@@ -38,6 +38,7 @@ class Scripted:
         self.label, self.see, self.put, self.follow, self.steps = env.task.success, see, put, follow, steps
         self.spec = without_start(env.task.spec, self.label)
         self.shapes, self.yaws = self.spec.checked.shapes, None  # of the grasps that came with the start
+        self.half = False  # whether what is moved may be half turned at the goal that came with it
 
     def reset(self, seed: int) -> None:
         self.random = np.random.default_rng([seed, 1])
@@ -47,6 +48,7 @@ class Scripted:
         self.seen = observation
         if self.script is None:
             self.rest = yaw(observation["hand"])
+            self.middle = self.rest + observation["joints"][-1]  # of what the wrist can turn
             self.script = self.play(self.moves(flat(self.things())))
         return next(self.script)
 
@@ -58,9 +60,18 @@ class Scripted:
         if not self.follow or "goal" not in self.seen:
             return plan(self.spec, self.label, poses)
         goal, self.yaws = self.seen["goal"], self.seen["yaws"]
-        return [
-            (which, np.append(flat(goal)[which], goal[which, 2])) for which in np.flatnonzero(np.isfinite(self.yaws))
-        ]
+        (which,) = np.flatnonzero(np.isfinite(self.yaws))
+        self.half = self.may_turn(which, flat(goal))
+        return [(which, np.append(flat(goal)[which], goal[which, 2]))]
+
+    def may_turn(self, which: int, poses: np.ndarray) -> bool:
+        """Whether the label holds as well with a box or a cylinder half turned."""
+        if self.spec.checked.choices or not isinstance(self.shapes[which].footprint, Box | Circle):
+            return False
+        both = np.stack([poses, poses])
+        both[1, which, 2] += math.pi
+        given, turned = self.spec.scenes(both).phi[self.label]
+        return turned > given - 1e-6
 
     def play(self, moves: Moves) -> Script:
         """The actions: each yield is one, and the next thing that is seen."""
@@ -97,12 +108,14 @@ class Scripted:
     def grasp(self, which: int, goal: Any, grip: float) -> tuple[float, float]:
         """The directions in which the fingers close on a thing, and in which they let it go: of those that go across
         it, the ones with most room around the hand, and of several the ones that turn it least; or those of the grasp
-        that came with the start."""
+        that came with the start, by the one of two sides that keeps the wrist farthest from its ends."""
         poses, low = flat(self.things()), self.things()[which][2]
         if self.yaws is not None:
-            turning = nearest(goal[2] - poses[which, 2], 0.0, math.tau)
-            before = nearest(poses[which, 2] + self.yaws[which], self.rest - turning / 2.0, math.pi)
-            return before, before + turning
+            turnings = [nearest(goal[2] - poses[which, 2] + k * math.pi, 0.0, math.tau) for k in range(1 + self.half)]
+            sides = [self.rest - math.pi / 2.0, self.rest + math.pi / 2.0]
+            befores = [nearest(poses[which, 2] + self.yaws[which], side, math.pi) for side in sides]
+            found = [(before, before + turning) for before in befores for turning in turnings]
+            return min(found, key=lambda way: max(abs(turn - self.middle) for turn in way))
         ways = list(across(self.shapes[which], poses[which, 2], goal[2], self.rest))
         before, after = np.array(ways).T
         room = np.minimum(

@@ -1,12 +1,13 @@
 """Does room for the hand, beside phi of the goal, tell success from failure? A table in Markdown.
 
-    python -m experiments.success.grasp SUITE OUTCOMES.jsonl
+    python -m experiments.success.grasp SUITE OUTCOMES.jsonl [FIRST]
 
 An arm is added to each task where robosuite's Panda stands. `grasp` is phi of `graspable` of the first object, which is
 the one that is moved: at the start, and at the goal in up to 64 places of it, of 4,096 uniform ones, where the goal
 holds and nothing overlaps, with all else as at the start. Of these count the best, by the least of goal and grasp, or
 the mean. `one hold` is the room at the same yaw in the frame of the object at both ends. `fit` predicts starts that it
 has not seen from phi of the goal at the start, the grasp there, and the best of the goal, as `scenegen fit --monotone`.
+With FIRST also a fit of so many starts of each task, at those after them.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ from pathlib import Path
 import numpy as np
 
 from scenegen.api.spec import Spec, parse
-from scenegen.arrays import Array
+from scenegen.arrays import Array, Bool
 from scenegen.lang.check.arms import YAWS
 from scenegen.learn.success.features import Feature
-from scenegen.learn.success.logistic import Outcomes, predict_held_out
+from scenegen.learn.success.logistic import Outcomes, fit_logistic, predict_held_out
 from scenegen.learn.success.measures import auc_interval
 from scenegen.play.suites.outcomes import read_outcomes
 from scenegen.play.suites.suite import Suite, SuiteTask
@@ -40,7 +41,7 @@ READ = (  # by the fit
 )
 
 
-def main(folder: str, path: str) -> None:
+def main(folder: str, path: str, first: str = "0") -> None:
     """Print a column for each task."""
     suite, columns = Suite.load(folder), []
     outcomes = read_outcomes(Path(path), suite)
@@ -48,15 +49,32 @@ def main(folder: str, path: str) -> None:
         mine = [one for one in outcomes.episodes if one.task == task.name]
         success = np.array([one.success for one in mine])
         found = scores(task, [suite[one.episode].row for one in mine])
-        data = Outcomes(READ, np.stack([found[one.name] for one in READ]), success, np.arange(len(mine)))
-        found["fit of the first three"] = predict_held_out(data, True)
+        found["fit of the first three"] = held_out(found, success)
         column = {"starts": f"{len(mine)}", "success": f"{success.mean():.0%}"}
         for name, score in found.items():
-            column[name] = "{:.2f} ({:.2f} to {:.2f})".format(*auc_interval(success, score, data.start))
+            column[name] = interval(success, score)
+        if count := int(first):
+            data = outcomes_of(found, success)
+            seen, late = data.start < count, data.start >= count
+            predicted = data.select(late).predict(fit_logistic(data.select(seen), True))
+            column[f"fit of the first {count}, at the others"] = interval(success[late], predicted)
         columns.append(column)
     print(f"| | {' | '.join(task.name for task in suite.tasks)} |\n|---|{'---|' * len(columns)}")
     for name in columns[0]:
         print(f"| {name} | {' | '.join(one[name] for one in columns)} |")
+
+
+def held_out(found: dict[str, Array], success: Bool) -> Array:
+    """(n,): the success that a fit of the other starts predicts, by their scores."""
+    return predict_held_out(outcomes_of(found, success), True)
+
+
+def outcomes_of(found: dict[str, Array], success: Bool) -> Outcomes:
+    return Outcomes(READ, np.stack([found[one.name] for one in READ]), success, np.arange(len(success)))
+
+
+def interval(success: Bool, score: Array) -> str:
+    return "{:.2f} ({:.2f} to {:.2f})".format(*auc_interval(success, score, np.arange(len(success))))
 
 
 def scores(task: SuiteTask, rows: Sequence[int]) -> dict[str, Array]:

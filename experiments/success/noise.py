@@ -2,11 +2,15 @@
 
     python -m experiments.success.noise SUITE OUTCOMES.jsonl AGAIN.jsonl ...
 
-`noise` is the mean of p (1 - p), by how often two runs of a start end differently, over that of a policy which
-succeeds as often at every start: the share of the variance that is not of the start. `AUC of another run` is how well
-the mean of the other runs tells success: what a start decides can be told at least so well. `ceiling` is the AUC of p
-itself if p were distributed over starts by Beta with this mean and this noise. Intervals are 95 %, of a bootstrap over
-starts.
+The first run is of all starts, the others of all or of some, such as those of `experiments.success.again`: within a
+task, those that failed stand for all that failed in the first run, and so do those that succeeded.
+
+Three shares make up the variance of success, which is mean (1 - mean). `noise` is the mean of p (1 - p), by how often
+two runs of a start end differently: it is not of the start. `told` is of the start, and told by the fit of
+`experiments.success.grasp`, which has not seen it; `untold` is of the start, and not told by it: the mean of (p - fit)
+squared, by two runs of a start. `AUC of another run` is how well the mean of the other runs tells success: what a start
+decides can be told at least so well. `ceiling` is the AUC of p itself if p were distributed over starts by Beta with
+this mean and this noise. Intervals are 95 %, of a bootstrap over starts.
 """
 
 from __future__ import annotations
@@ -16,45 +20,67 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.success.grasp import held_out, scores
 from scenegen.arrays import Array
-from scenegen.learn.success.measures import auc
 from scenegen.play.suites.outcomes import read_outcomes
 from scenegen.play.suites.suite import Suite
 
 REPEATS, DRAWS = 1000, 4096  # of the bootstrap, and of a Beta distribution
+HEAD = ("task", "starts", "run again", "success", "noise", "told", "untold", "AUC of another run", "ceiling")
 
 
 def main(folder: str, *paths: str) -> None:
     """Print a line for each task."""
     suite = Suite.load(folder)
     runs = [{one.episode: one.success for one in read_outcomes(Path(path), suite).episodes} for path in paths]
-    both = sorted(set.intersection(*(set(run) for run in runs)))
-    tasks = np.array([suite[number].task.name for number in both])
-    success = np.array([[run[number] for number in both] for run in runs], dtype=np.float64)
-    rng = np.random.default_rng(0)
-    print("| task | starts | success | noise | AUC of another run | ceiling |\n|---|---|---|---|---|---|")
-    for name in (*(task.name for task in suite.tasks), "all"):
-        mine = success[:, (tasks == name) | (name == "all")]
-        count = mine.shape[1]
-        drawn = np.array([measures(mine[:, rng.integers(count, size=count)]) for _ in range(REPEATS)])
-        low, high = np.nanquantile(drawn, (0.025, 0.975), axis=0)
-        cells = ["{:.2f} ({:.2f} to {:.2f})".format(*one) for one in zip(measures(mine), low, high, strict=True)]
-        print(f"| {name} | {count} | {' | '.join(cells)} |")
+    both = set.intersection(*(set(run) for run in runs))
+    print(f"| {' | '.join(HEAD)} |\n|{'---|' * len(HEAD)}")
+    parts, starts = [], 0
+    for task in suite.tasks:
+        mine = [number for number in sorted(runs[0]) if suite[number].task is task]
+        first, chosen = np.array([runs[0][number] for number in mine]), np.array([number in both for number in mine])
+        fit = held_out(scores(task, [suite[number].row for number in mine]), first)
+        weight = np.where(first, first.sum() / (first & chosen).sum(), (~first).sum() / (~first & chosen).sum())
+        success = np.array([[run[number] for number in mine if number in both] for run in runs], dtype=np.float64)
+        parts.append((success, weight[chosen], fit[chosen]))
+        starts += len(mine)
+        print(line(task.name, len(mine), *parts[-1]))
+    print(line("all", starts, *(np.concatenate(some, axis=-1) for some in zip(*parts, strict=True))))
 
 
-def measures(success: Array) -> tuple[float, float, float, float]:
-    """Of R runs of n starts (R, n): success, noise, the AUC of another run, and the ceiling; NaN where all ended
-    alike."""
+def line(name: str, starts: int, success: Array, weight: Array, fit: Array) -> str:
+    rng, count = np.random.default_rng(0), len(weight)
+    picked = [rng.integers(count, size=count) for _ in range(REPEATS)]
+    drawn = np.array([measures(success[:, some], weight[some], fit[some]) for some in picked])
+    low, high = np.nanquantile(drawn, (0.025, 0.975), axis=0)
+    found = zip(measures(success, weight, fit), low, high, strict=True)
+    cells = ["{:.2f} ({:.2f} to {:.2f})".format(*one) for one in found]
+    return f"| {name} | {starts} | {count} | {' | '.join(cells)} |"
+
+
+def measures(success: Array, weight: Array, fit: Array) -> tuple[float, ...]:
+    """Of R runs of n starts (R, n), each start with its weight: success, noise, told, untold, the AUC of another run,
+    and the ceiling; NaN where all ended alike."""
     runs = len(success)
-    mean = float(success.mean())
+    mean = float(np.average(success.mean(axis=0), weights=weight))
     if mean in (0.0, 1.0):
-        return mean, np.nan, np.nan, np.nan
-    won = success.sum(axis=0)
-    within = float((won * (runs - won)).mean()) / (runs * (runs - 1))  # the mean of p (1 - p), unbiased
-    noise = min(1.0, within / (mean * (1.0 - mean)))
+        return mean, *[np.nan] * 5
+    won, off = success.sum(axis=0), success - fit
+    within = won * (runs - won)  # unbiased for p (1 - p), as the next is for (p - fit) squared
+    between = off.sum(axis=0) ** 2 - (off**2).sum(axis=0)
+    noise, untold = (
+        float(np.average(one, weights=weight)) / (runs * (runs - 1)) / (mean * (1.0 - mean))
+        for one in (within, between)
+    )
     others = (won - success) / (runs - 1)
-    told = auc(success.ravel() > 0.0, others.ravel())
-    return mean, noise, told, ceiling(mean, noise)
+    told = weighted_auc(success.ravel(), others.ravel(), np.tile(weight, runs))
+    return mean, noise, 1.0 - noise - untold, untold, told, ceiling(mean, min(1.0, noise))
+
+
+def weighted_auc(success: Array, score: Array, weight: Array) -> float:
+    _, level = np.unique(score, return_inverse=True)
+    good, bad = np.bincount(level, weight * success), np.bincount(level, weight * (1.0 - success))
+    return float((good * (np.cumsum(bad) - bad / 2.0)).sum() / (good.sum() * bad.sum()))
 
 
 def ceiling(mean: float, noise: float) -> float:

@@ -143,7 +143,7 @@ def test_the_scripted_policy_takes_the_goal_and_the_grasp(room, root, monkeypatc
     policy = scripted.Scripted(SimpleNamespace(task=start.task))
     policy.reset(0)
     policy.seen = {"objects": start.poses, "goal": start.goal, "yaws": start.yaws}
-    policy.rest = 0.0
+    policy.rest, policy.middle = 0.0, math.pi / 4.0
     ((which, goal),) = policy.moves(scripted.flat(start.poses))
     assert which == 0 and np.allclose(goal[:2], start.goal[0, :2])
     before, after = policy.grasp(which, goal, 0.02)

@@ -18,21 +18,21 @@ CUTS = 24  # through a body, at equal distances
 SLICES = 5  # that stand for it at most: neighbours become one, those that are most alike first
 ALIKE = 0.02  # of how far all cuts reach: by so much, those of one slice may differ where there are fewer
 WAYS = 16  # in which cuts are compared
-CORNERS = 12  # of a slice that is not round, at most
+SLICE_CORNERS = 12  # of a slice that is not round, at most
 MANY, ROUND = 16, 0.04  # an outline with so many corners, whose distances from the axis differ by less, is a disc
-SIDES = 24  # of the polygon that stands for a disc where it is compared
-GREY = (0.5, 0.5, 0.5)
+DISC_SIDES = 24  # of the polygon that stands for a disc where it is compared
+ANY_COLOR = (0.5, 0.5, 0.5)
 
 
 @cache
-def seen_as(shape: Shape) -> Footprint:
+def visible_body(shape: Shape) -> Footprint:
     """What a camera sees of an object, in its frame: the footprint of a prism, or a stack."""
     if shape.asset in PLAIN or entry_of(shape) is None:
         return shape.footprint
-    slices = slices_of(join([part.mesh for part in parts_of(shape, GREY)]))
+    slices = slices_of(join([part.mesh for part in parts_of(shape, ANY_COLOR)]))
     if len(slices) < 2:
         return shape.footprint
-    return Stack(tuple(corners_of(shape.footprint, SIDES, SIDES)), slices)
+    return Stack(tuple(corners_of(shape.footprint, DISC_SIDES, DISC_SIDES)), slices)
 
 
 def slices_of(mesh: Mesh) -> tuple[tuple[Footprint, float, float], ...]:
@@ -85,7 +85,7 @@ def _cut(mesh: Mesh, z: float) -> Footprint | None:
     away = np.hypot(*np.array(outline.vertices).T)
     if len(away) >= MANY and float(np.ptp(away)) < ROUND * float(away.max()):
         return Circle(float(away.mean()))
-    return Polygon(simplify(outline.vertices, CORNERS))
+    return Polygon(simplify(outline.vertices, SLICE_CORNERS))
 
 
 def _reach(outline: Footprint | None) -> npt.NDArray[np.float64]:
@@ -93,5 +93,5 @@ def _reach(outline: Footprint | None) -> npt.NDArray[np.float64]:
     if outline is None:
         return np.zeros(WAYS)
     turns = np.linspace(0.0, 2.0 * np.pi, WAYS, endpoint=False)
-    found = np.array(corners_of(outline, SIDES)) @ np.stack([np.cos(turns), np.sin(turns)])
+    found = np.array(corners_of(outline, DISC_SIDES)) @ np.stack([np.cos(turns), np.sin(turns)])
     return np.asarray(np.maximum(found.max(axis=0), 0.0))

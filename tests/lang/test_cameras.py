@@ -22,7 +22,7 @@ from scenegen.search.effort import Effort
 from scenegen.search.tape import make_tape
 from scenegen.things.library import ASSETS, Shape
 from scenegen.things.outline import corners_of
-from scenegen.things.sight import seen_as
+from scenegen.things.sight import visible_body
 
 from ..laws import examples
 
@@ -188,7 +188,7 @@ def nearest_bodies(spec, row, size):
     )
     pieces = []
     for number, shape in enumerate(spec.shapes):
-        body = seen_as(shape)
+        body = visible_body(shape)
         prisms = body.pieces if isinstance(body, Stack) else ((body, 0.0, shape.height),)
         pieces += [(number, *one) for one in prisms]
     for number, footprint, bottom, top in pieces:
@@ -227,7 +227,7 @@ def nearest_bodies(spec, row, size):
 def test_slices_are_within_the_prism(name):
     """But for the rounding of outlines: so what no shadow reaches is not hidden."""
     asset = ASSETS[name]
-    body = seen_as(Shape(name, asset.footprint, asset.height))
+    body = visible_body(Shape(name, asset.footprint, asset.height))
     if not isinstance(body, Stack):
         assert body == asset.footprint
         return

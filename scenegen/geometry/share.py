@@ -108,12 +108,12 @@ class _Several:
         self.ns, self.bodies = ns, bodies
 
     def extent(self) -> tuple[Any, Any]:
-        return self._around([one.extent() for one in self.bodies])
+        return self._hull([one.extent() for one in self.bodies])
 
     def slices(self, rows: Any) -> tuple[Any, Any]:
-        return self._around([one.slices(rows) for one in self.bodies])
+        return self._hull([one.slices(rows) for one in self.bodies])
 
-    def _around(self, intervals: Sequence[tuple[Any, Any]]) -> tuple[Any, Any]:
+    def _hull(self, intervals: Sequence[tuple[Any, Any]]) -> tuple[Any, Any]:
         lows, highs = zip(*intervals, strict=True)
         return reduce(self.ns.minimum, lows), reduce(self.ns.maximum, highs)
 

@@ -5,7 +5,8 @@
 
 A line of JSON for each task and share; what is there already is left out. Each state is set in another environment of
 LIBERO's, after another seed. The share by masks is that of the target's pixels in the picture of `agentview` (256 x
-256) to those that it has there where nothing else is drawn.
+256) to those that it has there where nothing else is drawn. `sliced` is the share that a spec would have whose things
+were stacks of slices of their meshes, as the library's are, instead of prisms.
 """
 
 from __future__ import annotations
@@ -20,10 +21,24 @@ from typing import Any
 
 import numpy as np
 
+from scenegen.api.scene_arrays import make_header
 from scenegen.errors import RequestError
+from scenegen.geometry import NUMPY
+from scenegen.geometry.footprint import Stack
+from scenegen.geometry.share import BODY, CAMERA, OTHER
+from scenegen.geometry.workspace import wrap_headings
+from scenegen.lang.formula.core import Apply, Coord, Core
+from scenegen.lang.formula.interpret import phi
 from scenegen.libero import init_states, spec_of
+from scenegen.play.frame import TableFrame, inverse, times
 from scenegen.play.libero.files import LiberoTask, make_environment, tasks_of
-from scenegen.play.libero.measure import DRAWN_GROUP, LiveModel
+from scenegen.play.libero.measure import DRAWN_GROUP, LiveModel, matrix
+from scenegen.play.libero.spec import EnvironmentSpec
+from scenegen.pose import as_rows
+from scenegen.scenes.arrange import with_switches
+from scenegen.scenes.data import RequestData
+from scenegen.things.mesh import Mesh, join
+from scenegen.things.sight import slices_of
 
 SHARES, HALF = (0.9, 0.6, 0.3, 0.1), 0.05  # the middles of ranges, and how far they go
 ROUNDING = 1e-9
@@ -46,6 +61,38 @@ def mask_share(env: Any, live: LiveModel, name: str) -> float:
     return seen / alone
 
 
+def share_of_slices(own: EnvironmentSpec, live: LiveModel) -> float:
+    """Where things stand now; as if all stood on the first of their surfaces, which is the table."""
+    spec, model = own.spec.checked, live.model
+    bodies: dict[str, Stack] = {}
+    poses = np.zeros((1, len(spec.objects), 3))
+    for which, name in enumerate(spec.objects):
+        if name not in live.movers:
+            poses[0, which] = spec.fixed[which]
+            continue
+        body = live.things[name]
+        turn = times(live.data.xquat[body], inverse(own.attitudes[name]))
+        poses[0, which] = TableFrame(own.origin).pose(live.data.xpos[body], turn)
+        meshes = []
+        for geom in range(model.ngeom):
+            if model.geom_group[geom] == DRAWN_GROUP and live.owner(geom) == name and model.geom_dataid[geom] >= 0:
+                begin, count = (int(of[model.geom_dataid[geom]]) for of in (model.mesh_faceadr, model.mesh_facenum))
+                inside = (live.corners(geom) - live.data.xpos[body]) @ live.data.xmat[body].reshape(3, 3)
+                meshes.append(Mesh(inside @ matrix(own.attitudes[name]).T, model.mesh_face[begin : begin + count]))
+        bodies[name] = Stack(own.prisms[name].corners, slices_of(join(meshes)))
+    nodes = list(spec.core.nodes)
+    for at, node in enumerate(nodes):
+        if isinstance(node, Apply) and node.primitive == "visibleShare":
+            firsts = (nodes[node.args[one]] for one in (0, *range(BODY + CAMERA, len(node.args), OTHER)))
+            names = [spec.core.objects[one.object] if isinstance(one, Coord) else "" for one in firsts]
+            shapes = tuple(bodies.get(name, shape) for name, shape in zip(names, node.shapes, strict=True))
+            nodes[at] = Apply(node.primitive, node.args, shapes)
+    header = make_header(spec, {}, RequestData(phi={}, n=1, spread="flat"))
+    on = np.ones((1, len(spec.choices)))
+    rows = with_switches(spec, header, wrap_headings(as_rows(poses)), on if spec.choices else None)
+    return float(phi(Core(tuple(nodes), spec.core.labels, spec.core.objects), list(rows), NUMPY)["visible"][0])
+
+
 def measure(task: LiberoTask, shares: list[float], states: int, seed: int) -> Iterator[dict[str, Any]]:
     """The states of a task at each share, with phi of the spec, the share by rays, and that by masks."""
     seer = make_environment(task, seed + 1, pictures=True)
@@ -56,11 +103,18 @@ def measure(task: LiberoTask, shares: list[float], states: int, seed: int) -> It
         line: dict[str, Any] = {"suite": task.suite, "task": task.name, "share": share, "n": 0}
         try:
             found = init_states(env, {"visible": (share - HALF, share + HALF)}, states, spec=own, seed=seed)
-            line |= {"n": len(found.states), "drawn": found.drawn, "refused": dict(found.refused), "masks": []}
+            line |= {
+                "n": len(found.states),
+                "drawn": found.drawn,
+                "refused": dict(found.refused),
+                "masks": [],
+                "sliced": [],
+            }
             line |= {"phi": found.phi["visible"].tolist(), "rays": found.read["visible"].tolist()}
             for row in found.states:
                 seer.set_init_state(row)
                 line["masks"].append(min(mask_share(seer, live, name) for name in own.moved))
+                line["sliced"].append(share_of_slices(own, live))
         except RequestError as error:
             line["error"] = str(error).splitlines()[0]
         yield {**line, "seconds": round(time.time() - begun, 1), "cpu_s": round(time.process_time() - used, 1)}

@@ -59,6 +59,14 @@ class PlacedBox(Polygon):
     turn: tuple[float, float]
 
 
+@dataclass(frozen=True, slots=True)
+class Stack(Polygon):
+    """A body as cameras see it, which is no prism over its footprint: upright prisms, each with the heights of its ends
+    above the body's lowest point, in metres. All else takes it for the polygon around them."""
+
+    pieces: tuple[tuple[Footprint, float, float], ...]
+
+
 Footprint = Circle | Box | Polygon
 
 POINT = Circle(0.0)

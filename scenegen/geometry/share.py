@@ -1,9 +1,10 @@
 """The share of a body's silhouette, seen by a camera, that no nearer body covers.
 
-Bodies are upright prisms over footprints. Lengths are added up along SIGHT_LINES lines from left to right, at equal
-distances from the lowest to the highest point of the silhouette: on each, a body is one interval, and what is seen of
-it is what the union of the others leaves. A body covers another one only where its shadow reaches that
-(scenegen.geometry.shadow), so those whose clearance is not negative take no part.
+Bodies are upright prisms over footprints, or stacks of such. Lengths are added up along SIGHT_LINES lines from left to
+right, at equal distances from the lowest to the highest point of the silhouette: on each, a body is one interval, and
+what is seen of it is what the union of the others leaves. A body covers another one only where its shadow reaches that
+(scenegen.geometry.shadow; of a stack, the shadow of the prism around it), so those whose clearance is not negative take
+no part.
 
 So that there is a slope everywhere, the share goes on: beyond 1 by the clearance to the nearest shadow, where nothing
 is covered, and below 0, to -1 at most, by how far the silhouette is inside of a body that covers all of it.
@@ -16,7 +17,7 @@ from collections.abc import Iterator, Sequence
 from functools import reduce
 from typing import Any
 
-from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, corners
+from scenegen.geometry.footprint import Box, Circle, Footprint, Polygon, Stack, corners
 from scenegen.geometry.namespace import Namespace
 
 SIGHT_LINES = 32  # of a picture, from left to right, on which a silhouette is measured
@@ -84,9 +85,12 @@ class _View:
         self.ns = ns
         self.eye, (self.ahead_x, self.ahead_y, self.sin, self.cos) = camera[:3], camera[3:]
 
-    def body(self, shape: Footprint, numbers: Sequence[Any]) -> _Body:
+    def body(self, shape: Footprint, numbers: Sequence[Any]) -> _Body | _Several:
         ns = self.ns
         x, y, theta, low, top = numbers
+        if isinstance(shape, Stack):
+            pieces = [self.body(one, (x, y, theta, low + start, low + stop)) for one, start, stop in shape.pieces]
+            return _Several(ns, pieces)
         dx, dy = x - self.eye[0], y - self.eye[1]
         right, ahead = dx * self.ahead_y - dy * self.ahead_x, dx * self.ahead_x + dy * self.ahead_y
         points: list[tuple[Any, Any]] = []
@@ -95,6 +99,23 @@ class _View:
             across, along = cos * self.ahead_y - sin * self.ahead_x, cos * self.ahead_x + sin * self.ahead_y
             points = [(right + (across * u - along * v), ahead + (along * u + across * v)) for u, v in corners(shape)]
         return _Body(self, shape, right, ahead, points, (low - self.eye[2], top - self.eye[2]))
+
+
+class _Several:
+    """A stack: on a line of sight, all from the first piece to the last."""
+
+    def __init__(self, ns: Namespace, bodies: Sequence[Any]) -> None:
+        self.ns, self.bodies = ns, bodies
+
+    def extent(self) -> tuple[Any, Any]:
+        return self._hull([one.extent() for one in self.bodies])
+
+    def slices(self, rows: Any) -> tuple[Any, Any]:
+        return self._hull([one.slices(rows) for one in self.bodies])
+
+    def _hull(self, intervals: Sequence[tuple[Any, Any]]) -> tuple[Any, Any]:
+        lows, highs = zip(*intervals, strict=True)
+        return reduce(self.ns.minimum, lows), reduce(self.ns.maximum, highs)
 
 
 class _Body:

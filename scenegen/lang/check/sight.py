@@ -29,6 +29,7 @@ from scenegen.lang.check.scope import Declared
 from scenegen.lang.check.values import AnyValue, CallFrame, CameraValue, ListValue, NumberValue, ObjectValue, Value
 from scenegen.lang.spec import LEVEL, Pose, Space, SpecCamera, Support
 from scenegen.lang.syntax import ast
+from scenegen.things.sight import visible_body
 from scenegen.things.surfaces import reach_of
 
 if TYPE_CHECKING:
@@ -271,4 +272,5 @@ def share_of(lowering: Lowering, which: int, seer: SpecCamera) -> int | None:
         if gap is None:
             return None
         args += [*body(one), gap]
-    return builder.apply("visibleShare", args, tuple(map(lowering.coerce.covers, (which, *others))))
+    bodies = tuple(visible_body(lowering.shapes[one]) for one in (which, *others))
+    return builder.apply("visibleShare", args, bodies)

@@ -30,7 +30,7 @@ from scenegen.pose import NAMES
 MAX_TEXT_LENGTH = 120  # characters; what is cut off is marked with three dots
 
 # regions, whose names the core does not keep, and parts of hands
-_SHAPES = {"Circle": "circle", "Box": "rect", "Polygon": "polygon", "PlacedBox": "rect"}
+_SHAPES = {"Circle": "circle", "Box": "rect", "Polygon": "polygon", "PlacedBox": "rect", "Stack": "polygon"}
 _INFIX = {"add": (1, "+"), "sub": (1, "-"), "mul": (2, "*"), "div": (2, "/")}
 
 

@@ -127,7 +127,8 @@ def init_states(
     side = None
     spread: Spread = "base" if SEEN in ranges else "flat"  # flat, what is out of reach of a range costs its time
     timeout = SIGHT_TIMEOUT if SEEN in ranges else DRAW_TIMEOUT
-    starts = RangeStarts(own.spec, lambda: ranges, as_int("seed", seed), timeout, first=n + n // 4, spread=spread)
+    first = 4 * n if SEEN in ranges else n + n // 4  # each draw plans anew, and many have another share in the camera
+    starts = RangeStarts(own.spec, lambda: ranges, as_int("seed", seed), timeout, first=first, spread=spread)
     while len(good) < n and len(verdicts) < max(TRIES * n if good else 0, LEAST):
         if not missing and not good and len(verdicts) >= UPRIGHT_DRAWS:
             side = len(verdicts) - UPRIGHT_DRAWS

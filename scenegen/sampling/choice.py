@@ -293,7 +293,7 @@ class MethodChoice:
         if quick is None:
             quick = self._growth(patient=False, longest=longest)
         if isinstance(quick, Plan) and quick.recipe.effect <= POOR_EFFECT:
-            return self._or_splitting(quick)
+            return self._or_splitting(quick, longest)
         if isinstance(quick, NoPlan) and quick.final:
             return quick
         if self.problem.moving > MANY_ROWS:  # more patience first: chains of so much take long to get anywhere
@@ -307,7 +307,7 @@ class MethodChoice:
             descent = moving_seconds(self.problem.core.nodes, DESCENT_MOVES * DESCENT_CHAINS, DESCENT_MOVES)
             grown = self._growth(longest=min(longest, descent), larger=True)
             if isinstance(grown, Plan):
-                return self._or_splitting(grown)
+                return self._or_splitting(grown, longest)
             if grown.final:
                 return grown
         split = self._splitting(longest)
@@ -316,13 +316,13 @@ class MethodChoice:
         cut = isinstance(quick, Plan) and isinstance(grown, NoPlan) and grown.too_dear
         return self._growth(longest=longest) if cut else grown
 
-    def _or_splitting(self, grown: Growth) -> Growth | Splitting:
-        """Growth; or splitting, where growth takes long and a look shows that splitting takes less. Chains of many
-        moving rows take long to get anywhere: of these, only a glance is taken."""
+    def _or_splitting(self, grown: Growth, longest: float = np.inf) -> Growth | Splitting:
+        """Growth; or splitting, where growth takes long and a look of `longest` seconds at most shows that splitting
+        takes less. Chains of many moving rows take long to get anywhere: of these, only a glance is taken."""
         if grown.seconds < LONG_GROWTH_SECONDS:
             return grown
         many = self.problem.moving > MANY_ROWS
-        split = self._splitting(grown.seconds / (GLANCE_SHARE if many else SPLITTING_SHARE))
+        split = self._splitting(min(longest, grown.seconds / (GLANCE_SHARE if many else SPLITTING_SHARE)))
         if isinstance(split, NoPlan) or len(split.reached_cells) < len(grown.reached_cells):
             return grown
         cheaper = (ADVANTAGE if many else SPLITTING_GAIN) * split.seconds < grown.seconds

@@ -29,8 +29,8 @@ MOVE_SECONDS = 6.3e-9  # of a unit of scoring a scene that a chain moves to
 # units of proposing it, and of the calls of a move of all chains, besides those of scoring
 MOVE_WORK, MOVE_CALLS_WORK = 12.0, 1e4
 CALL_WORK = 1000  # of an interval rule, for each of its arguments, however few boxes there are
-# of a rule of quantiles: of a run, and of an option and a box; and of a run for a scene
-QUANTILE_CALL_WORK, QUANTILE_WORK, QUANTILE_SCORE_WORK = 12_000, 16, 15
+# of a rule of quantiles: of a run, and of an option and a box; and of a run and an argument for a scene
+QUANTILE_CALL_WORK, QUANTILE_WORK, QUANTILE_SCORE_WORK = 12_000, 16, 8
 CORNERED_WORK = 10  # times as much as a sum: what a footprint with corners takes
 PYTHON_WORK = 200  # a few lines of Python for one node, set or tuple
 
@@ -167,7 +167,7 @@ def scoring_work(nodes: Iterable[Node], scenes: int) -> float:
 
 def work_per_scene(nodes: Iterable[Node]) -> tuple[float, float]:
     """The work of computing nodes: of each scene, and of the calls, however many scenes there are."""
-    plain = cornered = runs = 0
+    plain = cornered = quantiles = 0
     for node in nodes:
         count = len(children(node))
         plain += count
@@ -175,8 +175,8 @@ def work_per_scene(nodes: Iterable[Node]) -> tuple[float, float]:
         if of is None:
             cornered += count * _has_corners(node)
         else:
-            runs += len(of.runs)
-    return 0.1 * plain + 1.4 * cornered + QUANTILE_SCORE_WORK * runs, plain * CALL_WORK / 8
+            quantiles += len(of.runs) * (count - 1)
+    return 0.1 * plain + 1.4 * cornered + QUANTILE_SCORE_WORK * quantiles, plain * CALL_WORK / 8
 
 
 def moving_seconds(nodes: Iterable[Node], scenes: float, moves: float) -> float:

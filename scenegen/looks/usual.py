@@ -11,7 +11,7 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.geometry import MATH
 from scenegen.geometry.footprint import Circle, Point, Rectangle, clip, corners
-from scenegen.geometry.quantile import truncated_quantile
+from scenegen.geometry.quantile import CutNormal
 from scenegen.lang.formula.interpret import Numbers, fold
 from scenegen.lang.prior import Normal, Prior, Recorded, UniformPlace
 from scenegen.lang.spec import CheckedSpec
@@ -103,7 +103,7 @@ def _disc(middle: Point, deviation: float, box: Rectangle, share: float) -> Norm
     """The circles round a middle that hold their shares of what is left of a normal distribution in a box."""
     steps = (np.arange(GRID_STEPS) + 0.5) / GRID_STEPS
     x, y = (
-        deviation * truncated_quantile(steps, (box[axis] - at) / deviation, (box[axis + 2] - at) / deviation)
+        deviation * CutNormal.at((box[axis] - at) / deviation, (box[axis + 2] - at) / deviation).quantile(steps)
         for axis, at in zip(PLACE, middle, strict=True)
     )
     inner, outer = np.quantile(np.hypot(x[:, None], y), (INNER, OUTER))

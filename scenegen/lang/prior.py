@@ -14,14 +14,15 @@ relative prior says nothing of where the other thing is. What has no prior is un
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from scenegen.geometry.footprint import Circle, Footprint, Point, Rectangle, clip, corners
 from scenegen.pose import PLACE, THETA, row_of
 
 if TYPE_CHECKING:
-    from scenegen.geometry.footprint import Footprint
     from scenegen.lang.formula.core import Node
 
 PlanarPose = tuple[float, float, float]  # x, y, heading
@@ -44,6 +45,18 @@ class UniformPlace:
     footprint: Footprint
     pose: PlanarPose
 
+    def corners_within(self, box: Rectangle, sides: int) -> tuple[Point, ...]:
+        """The corners of the part of the region that lies in a box; a disc is a polygon of so many sides."""
+        x, y, theta = self.pose
+        cos, sin = math.cos(theta), math.sin(theta)
+        outline: Sequence[Point]
+        if isinstance(self.footprint, Circle):
+            radius, turns = self.footprint.radius, [math.tau * k / sides for k in range(sides)]
+            outline = [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
+        else:
+            outline = corners(self.footprint)
+        return clip([(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in outline], box)
+
 
 @dataclass(frozen=True, slots=True)
 class UniformHeading:
@@ -62,6 +75,17 @@ class Recorded:
     rows: tuple[tuple[PlanarPose, ...], ...]
     reach: float
     turn: float
+
+    def is_reachable(self, row: Sequence[PlanarPose], boxes: Sequence[Rectangle]) -> bool:
+        """Whether all things of a row can be where they were, or near it, each in its box. Along an axis of no width it
+        is held, wherever it was."""
+        return all(
+            low < pose[axis] + self.reach and pose[axis] - self.reach < high
+            for pose, box in zip(row, boxes, strict=True)
+            for axis in PLACE
+            for low, high in [(box[axis], box[axis + 2])]
+            if low < high
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from scenegen.arrays import Array
 from scenegen.geometry import MATH
-from scenegen.geometry.footprint import Circle, Point, Rectangle, clip, corners
+from scenegen.geometry.footprint import Point, Rectangle
 from scenegen.geometry.quantile import CutNormal
 from scenegen.lang.formula.interpret import Numbers, fold
 from scenegen.lang.prior import Normal, Prior, Recorded, UniformPlace
@@ -91,10 +91,10 @@ def _places_of(prior: Prior, boxes: dict[int, Rectangle], row: Array) -> Iterato
                 case Normal((x, y), deviation):
                     discs.append(_disc((float(values[x]), float(values[y])), deviation, box, share))
                 case UniformPlace():
-                    areas.append(UniformArea(_part_inside(option, box), share))
-                case Recorded(rows, reach, _):
+                    areas.append(UniformArea(option.corners_within(box, CIRCLE_CORNERS), share))
+                case Recorded(rows):
                     some = rows[:: math.ceil(len(rows) / MOST_DOTS)]
-                    kept = (one for one in some if _is_reachable(one, prior.things, boxes, reach))
+                    kept = (one for one in some if option.is_reachable(one, [boxes[each] for each in prior.things]))
                     dots += [one[place][:2] for one in kept]
         yield UsualPlace((thing,), box, tuple(discs), tuple(areas), tuple(dots))
 
@@ -108,26 +108,3 @@ def _disc(middle: Point, deviation: float, box: Rectangle, share: float) -> Norm
     )
     inner, outer = np.quantile(np.hypot(x[:, None], y), (INNER, OUTER))
     return NormalCircles(middle, float(inner), float(outer), share)
-
-
-def _part_inside(region: UniformPlace, box: Rectangle) -> tuple[Point, ...]:
-    """The corners of the part of a region that lies in a box."""
-    x, y, theta = region.pose
-    if isinstance(region.footprint, Circle):
-        radius, turns = region.footprint.radius, np.linspace(0.0, math.tau, CIRCLE_CORNERS, endpoint=False).tolist()
-        ring: Sequence[Point] = [(radius * math.cos(turn), radius * math.sin(turn)) for turn in turns]
-    else:
-        ring = corners(region.footprint)
-    cos, sin = math.cos(theta), math.sin(theta)
-    return clip([(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in ring], box)
-
-
-def _is_reachable(
-    row: Sequence[tuple[float, ...]], things: Sequence[int], boxes: dict[int, Rectangle], reach: float
-) -> bool:
-    """Whether a recorded row is ever drawn: all its things can be where they were, or near it."""
-    return all(
-        boxes[thing][axis] < pose[axis] + reach and pose[axis] - reach < boxes[thing][axis + 2]
-        for thing, pose in zip(things, row, strict=True)
-        for axis in PLACE
-    )

@@ -18,7 +18,7 @@ import numpy as np
 
 from scenegen.arrays import Array
 from scenegen.geometry import NUMPY
-from scenegen.geometry.footprint import Box, Circle, Footprint, Point, Rectangle, clip, corners
+from scenegen.geometry.footprint import Box, Footprint, Rectangle
 from scenegen.geometry.quantile import DISC_CORNERS, QUANTILE, NormalRun, Quantile, Run, UniformRun, region_runs
 from scenegen.geometry.workspace import wrap_headings
 from scenegen.lang.formula.core import Apply, Const, Coord, Node, TapeWriter, nodes_below, renumber
@@ -161,21 +161,16 @@ class _Writer(TapeWriter):
                 return self._in_region(option, thing, axis, given)
             case Recorded(rows, reach, turn):
                 which = prior.things.index(thing)
-                kept = sorted((row for row in rows if self._is_reachable(row, prior.things, reach)), key=_along_curve)
+                boxes = [self._box(one) for one in prior.things]
+                kept = sorted((row for row in rows if option.is_reachable(row, boxes)), key=_along_curve)
                 was = np.array([row[which][axis] for row in kept])
                 if axis == THETA:
                     return UniformRun(was - min(turn, math.pi), was + min(turn, math.pi))
                 return UniformRun(np.maximum(was - reach, low), np.minimum(was + reach, high))
 
-    def _is_reachable(self, row: Sequence[tuple[float, ...]], things: Sequence[int], reach: float) -> bool:
-        """Whether all the things of a recorded row can be where they were, or near it."""
-        return all(
-            low < pose[axis] + reach and pose[axis] - reach < high
-            for thing, pose in zip(things, row, strict=True)
-            for axis in PLACE
-            for low, high in [self._range(row_of(thing, axis))]
-            if low < high
-        )
+    def _box(self, thing: int) -> Rectangle:
+        x, y = (self._range(row_of(thing, axis)) for axis in PLACE)
+        return x[0], y[0], x[1], y[1]
 
     def _node(self, nodes: Sequence[Node], wanted: int) -> int:
         """The node of a prior's own tape, over coordinates."""
@@ -195,9 +190,7 @@ class _Writer(TapeWriter):
         return given.index(node)
 
     def _in_region(self, region: UniformPlace, thing: int, axis: int, given: list[int]) -> Run:
-        x, y = (self._range(row_of(thing, one)) for one in PLACE)
-        within = (x[0], y[0], x[1], y[1])
-        points = _corners_of(region, within)
+        points = region.corners_within(self._box(thing), DISC_CORNERS)
         if isinstance(region.footprint, Box) and _is_along_axes(region.pose[2]):
             ends = [point[axis] for point in points]
             return UniformRun(np.array([min(ends)]), np.array([max(ends)]))
@@ -220,20 +213,6 @@ def _along_curve(row: Sequence[tuple[float, ...]]) -> int:
 
 def _is_along_axes(heading: float) -> bool:
     return abs(math.remainder(heading, math.pi / 2.0)) < RIGHT_ANGLE_TOLERANCE
-
-
-def _corners_of(region: UniformPlace, within: Rectangle) -> tuple[Point, ...]:
-    """The corners of the part of a region that lies in a rectangle."""
-    x, y, theta = region.pose
-    cos, sin = math.cos(theta), math.sin(theta)
-    if isinstance(region.footprint, Circle):
-        turns = [math.tau * k / DISC_CORNERS for k in range(DISC_CORNERS)]
-        outline = [
-            (region.footprint.radius * math.cos(turn), region.footprint.radius * math.sin(turn)) for turn in turns
-        ]
-    else:
-        outline = list(corners(region.footprint))
-    return clip([(x + cos * u - sin * v, y + sin * u + cos * v) for u, v in outline], within)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

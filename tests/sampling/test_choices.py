@@ -333,7 +333,7 @@ def test_a_cover_that_is_good_enough_has_the_same_scenes(monkeypatch: pytest.Mon
     )  # blocks that are drawn where they stand need no splits
     few, many = (problem_of(TOWER, 0.0, 0.01, n) for n in (1, 1_000_000))
     plain = make_trial(few, Budget())
-    monkeypatch.setattr(prune, "MIN_COVER_WORK", 0.0)
+    monkeypatch.setattr("scenegen.sampling.rejection.trial.MIN_COVER_WORK", 0.0)
     early = make_trial(few, Budget())
     assert early.cover.acceptance < 0.1 * plain.cover.acceptance and early.work < plain.work
     assert make_trial(many, Budget()).cover.acceptance > 0.4, "for many scenes it is worth the work"

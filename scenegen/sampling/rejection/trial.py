@@ -91,7 +91,7 @@ def _enough(problem: Problem) -> Enough:
     each, _ = work_per_scene(problem.core.nodes)
     drawing = problem.request.n * each
     if problem.chooses:
-        return Enough(CANDIDATE_MARGIN * drawing)
+        return Enough(CANDIDATE_MARGIN * drawing, MIN_COVER_WORK)
     if problem.spec.priors:
         drawing *= SCORE_SECONDS / BOUND_SECONDS
         return Enough(drawing, 0.0, max(PRIOR_COVER_WORK, PRIOR_COVER_SHARE * drawing))
@@ -137,7 +137,7 @@ def make_cover(
     wanted: Mapping[int, tuple[float, float]],
     seed: tuple[int, ...],
     effort: Effort,
-    enough: Enough,
+    enough: Enough = THE_BEST,
 ) -> Cover:
     """A cover of the scenes that meet a demand; see `prune`."""
     return prune(

@@ -440,6 +440,8 @@ def test_the_view_from_above_shades_where_things_usually_are(serve, tab, tmp_pat
     stands = (
         f"Math.hypot({circle}.cx.baseVal.value - $.poses[1][0] - 0.2, {circle}.cy.baseVal.value - $.poses[1][1]) < 1e-6"
     )
+    one.page.hover("svg.top g.thing >> nth=2", force=True)
+    one.page.wait_for_selector("svg.top .usual.near[data-things=cup]", state="attached")
     one.until(stands)  # beside its saucer, and goes with it
     before = one.page.evaluate(f"{circle}.cx.baseVal.value")
     one.page.hover("svg.top g.thing >> nth=1", force=True)
@@ -449,8 +451,6 @@ def test_the_view_from_above_shades_where_things_usually_are(serve, tab, tmp_pat
     one.page.mouse.move(box["x"] + box["width"] / 2 + 60, box["y"] + box["height"] / 2, steps=4)
     one.page.mouse.up()
     one.until(f"{stands} && Math.abs({circle}.cx.baseVal.value - {before}) > 0.01")
-    one.page.hover("svg.top g.thing >> nth=2", force=True)
-    one.page.wait_for_selector("svg.top .usual.near[data-things=cup]", state="attached")
 
 
 def test_words_of_robots_and_cameras_are_coloured(serve, tab, tmp_path):

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 
 import scenegen
-from scenegen.lang.sights import _values, sights_of
+from scenegen.lang.sights import label_values, sights_of
 from scenegen.looks.camera import Camera, from_place
-from scenegen.pictures.render.painter import _about_z, _Studio
+from scenegen.pictures.render.painter import Studio, heading_quaternion
 from scenegen.pose import as_rows
 from scenegen.things.bodies import parts_of_asset
 from scenegen.things.furniture import Cabinet, Crate, Drawer, Rack, RoundSolid, ShelfUnit, Vessel
@@ -56,12 +56,12 @@ def kind_of(name: str) -> str:
 class Table:
     """The meshes of some things, and pictures of them."""
 
-    def __init__(self, names: list[str], studio: _Studio) -> None:
+    def __init__(self, names: list[str], studio: Studio) -> None:
         self.studio, self.meshes = studio, [join([part.mesh for part in parts_of_asset(ASSETS[one])]) for one in names]
         self.bodies = [studio.add(mesh, (0.5, 0.5, 0.5)) for mesh in self.meshes]
 
     def put(self, which: int, pose: Any) -> None:
-        w, *axis = _about_z(float(pose[2]))
+        w, *axis = heading_quaternion(float(pose[2]))
         self.studio.place(self.bodies[which], (float(pose[0]), float(pose[1]), 0.0), (*axis, w))
 
     def share(self, which: int, poses: Any, eye: Any, target: Any, field: float) -> float:
@@ -113,8 +113,8 @@ def measure(seed: int) -> Iterator[dict[str, Any]]:
         assert sights is not None
         camera = spec.checked.cameras[0]
         rows = as_rows(drawn.poses)
-        views, shares = sights.views(rows), _values(sights.of_shares, rows)
-        with _Studio("software") as studio:
+        views, shares = sights.views(rows), label_values(sights.of_shares, rows)
+        with Studio("software") as studio:
             table = Table(names, studio)
             for scene, poses in enumerate(drawn.poses):
                 for one in views:

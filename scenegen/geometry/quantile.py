@@ -70,7 +70,7 @@ class CutNormal:
     whole: Any
 
     @classmethod
-    def at(cls, low: Any, high: Any) -> CutNormal:
+    def make(cls, low: Any, high: Any) -> CutNormal:
         """The distribution cut off there."""
         from scipy.special import ndtr
 
@@ -150,7 +150,7 @@ class NormalRun:
 
     def _cut_at(self, middle: Any) -> CutNormal:
         low, high = np.maximum(self.low, middle - self.far), np.minimum(self.high, middle + self.far)
-        return CutNormal.at((low - middle) / self.deviation, (high - middle) / self.deviation)
+        return CutNormal.make((low - middle) / self.deviation, (high - middle) / self.deviation)
 
     def _share(self, value: Array, given: Sequence[Any]) -> Array:
         middle = self._middle(given)

@@ -89,7 +89,7 @@ class Sights:
 
     def views(self, rows: Array) -> list[Seen]:
         """In scenes with the core's rows, (3M, B): what formulas ask for, or where none asks, each object."""
-        values = _values(self.of_shares, rows)
+        values = label_values(self.of_shares, rows)
         found = []
         for thing, name in self.shares:
             share, whole, part = (values[f"{what} {thing} {name}"] for what in ("share", "whole", "any"))
@@ -98,7 +98,7 @@ class Sights:
 
     def grips(self, rows: Array) -> list[Grip]:
         """In scenes with the core's rows, (3M, B): one for each object, robot and depth of which formulas ask."""
-        values = _values(self.of_hands, rows)
+        values = label_values(self.of_hands, rows)
         tried: dict[tuple[int, int, float], list[tuple[float, Array]]] = {}
         for place, (thing, robot, yaw, depth) in enumerate(self.hands):
             tried.setdefault((thing, robot, depth), []).append((yaw, values[f"hand {place}"]))
@@ -110,7 +110,7 @@ class Sights:
         return found
 
 
-def _values(core: Core, rows: Array) -> dict[str, Array]:
+def label_values(core: Core, rows: Array) -> dict[str, Array]:
     """The numbers of a core by name in scenes with rows (3M, B), (B,) each."""
     if not core.labels:
         return {}

@@ -103,7 +103,7 @@ def _disc(middle: Point, deviation: float, box: Rectangle, share: float) -> Norm
     """The circles round a middle that hold their shares of what is left of a normal distribution in a box."""
     steps = (np.arange(GRID_STEPS) + 0.5) / GRID_STEPS
     x, y = (
-        deviation * CutNormal.at((box[axis] - at) / deviation, (box[axis + 2] - at) / deviation).quantile(steps)
+        deviation * CutNormal.make((box[axis] - at) / deviation, (box[axis + 2] - at) / deviation).quantile(steps)
         for axis, at in zip(PLACE, middle, strict=True)
     )
     inner, outer = np.quantile(np.hypot(x[:, None], y), (INNER, OUTER))

@@ -153,8 +153,8 @@ def effort_until(deadline: float) -> Effort:
 
 def bounding_work(node: Node, boxes: int) -> int:
     """The work of one call of a node's rule, forward or backward, for so many boxes."""
-    of = _quantile(node)
-    if of is not None:
+    if isinstance(node, Apply) and node.primitive == QUANTILE:
+        of = cast(Quantile, node.shapes[0])
         return len(of.runs) * QUANTILE_CALL_WORK + len(of.ends) * boxes * QUANTILE_WORK
     return len(children(node)) * (CALL_WORK + boxes * (CORNERED_WORK if _has_corners(node) else 1))
 
@@ -171,11 +171,10 @@ def work_per_scene(nodes: Iterable[Node]) -> tuple[float, float]:
     for node in nodes:
         count = len(children(node))
         plain += count
-        of = _quantile(node)
-        if of is None:
-            cornered += count * _has_corners(node)
+        if isinstance(node, Apply) and node.primitive == QUANTILE:
+            quantiles += len(cast(Quantile, node.shapes[0]).runs) * (count - 1)
         else:
-            quantiles += len(of.runs) * (count - 1)
+            cornered += count * _has_corners(node)
     return 0.1 * plain + 1.4 * cornered + QUANTILE_SCORE_WORK * quantiles, plain * CALL_WORK / 8
 
 
@@ -183,10 +182,6 @@ def moving_seconds(nodes: Iterable[Node], scenes: float, moves: float) -> float:
     """The seconds of so many moves of chains, in which so many scenes are tried in all."""
     each, calls = work_per_scene(nodes)
     return MOVE_SECONDS * (scenes * (each + MOVE_WORK) + moves * MOVE_CALLS_WORK) + CALL_SECONDS * moves * calls
-
-
-def _quantile(node: Node) -> Quantile | None:
-    return cast(Quantile, node.shapes[0]) if isinstance(node, Apply) and node.primitive == QUANTILE else None
 
 
 def _has_corners(node: Node) -> bool:

@@ -41,21 +41,19 @@ SWEEP_ONLY_NODES = 20_000  # nodes of a tape from which on one sweep must do
 
 
 @dataclass(frozen=True, slots=True)
-class Enough:
+class GoodEnough:
     """When a cover is good enough although less than GOOD_ACCEPTANCE of what is drawn is kept: after so much work that
     the scenes that are asked for take less, if that is `least` or more; or after the work `most`. `drawing` is the work
     of these scenes were all that is drawn kept; with 0 any cover of the work `least` will do."""
 
-    drawing: float = math.inf
+    drawing: float
     least: float = MIN_COVER_WORK
     most: float = math.inf
 
-    def reached(self, acceptance: float, used: float) -> bool:
+    def holds(self, acceptance: float, used: float) -> bool:
         """Whether a cover of which so much is kept, after so much work, will do."""
         return used >= self.most or (used >= self.least and self.drawing <= acceptance * max(used, STEP_WORK))
 
-
-THE_BEST = Enough()  # nothing less will do
 
 Apart = tuple[tuple[int, float, float], ...]
 """Formula nodes (of the core) and the ends that tell the scenes of an alternative from the others'."""
@@ -132,13 +130,13 @@ def prune(
     seed: Sequence[int] = (0,),
     tape: Tape | None = None,
     effort: Effort | None = None,
-    enough: Enough = THE_BEST,
+    enough: GoodEnough | None = None,
     stands: Collection[Stand] = (),
 ) -> Cover:
     """The cover of the scenes in the box lowest..highest (3N,) at which every wanted formula node lies within its ends.
 
-    `enough` says when a worse one will do, too. `stands` are drawn on their surfaces; that they are on them must be
-    part of what is wanted.
+    `enough` says when one will do of which less than GOOD_ACCEPTANCE is kept. `stands` are drawn on their surfaces;
+    that they are on them must be part of what is wanted.
 
     Deterministic: `seed` starts the pilots' random numbers, which decide about effort, never about what is covered.
     Raises what `effort` raises: half a cover is none.
@@ -152,7 +150,7 @@ def prune(
     while parts:
         weights = _weights(parts)
         expected = sum(weight * part.acceptance for weight, part in zip(weights, parts, strict=True))
-        if expected >= GOOD_ACCEPTANCE or enough.reached(expected, effort.used - begun):
+        if expected >= GOOD_ACCEPTANCE or (enough and enough.holds(expected, effort.used - begun)):
             break
         waste = [
             weight * (1.0 - part.acceptance) * (not part.final) for weight, part in zip(weights, parts, strict=True)
@@ -208,7 +206,7 @@ class _Search:
     rng: np.random.Generator
     effort: Effort
     stands: Collection[Stand] = ()
-    enough: Enough = THE_BEST
+    enough: GoodEnough | None = None
     grids: Grids = field(default_factory=Grids)
 
     def open_up(self, entries: Sequence[Entry], *, couple: bool = True) -> list[Part]:
@@ -268,7 +266,7 @@ class _Search:
         # A demand that fails often may be tied to others that do not: these come in the second time.
         for loose in LOOSE_SHARES if couple else ():
             more = {one.core for one in atoms if one.node not in self.tape.affine and met[one.core] < loose} - coupling
-            if part.acceptance >= GOOD_ACCEPTANCE or self.enough.reached(part.acceptance, 0.0):
+            if part.acceptance >= GOOD_ACCEPTANCE or (self.enough and self.enough.holds(part.acceptance, 0.0)):
                 break
             if not more:
                 continue

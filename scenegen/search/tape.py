@@ -365,8 +365,9 @@ def make_tape(core: Core, lowest: Array, highest: Array, effort: Effort | None =
         ):
             crowded.add(at)
     batches = make_batches(nodes)
-    below = nodes_below(nodes, given) if given else ()
-    middles = frozenset(at for at in below if isinstance(nodes[at], Coord))
+    middles = (
+        frozenset([at for at in nodes_below(nodes, given) if isinstance(nodes[at], Coord)]) if given else frozenset()
+    )
     return Tape(
         nodes, where, algebra.rows, writer.differences, writer.affine, loops, batches, frozenset(crowded), middles
     )

@@ -102,14 +102,14 @@ def test_a_point_has_next_to_no_width(name):
 @pytest.mark.parametrize("ends", [(-1.0, 2.0), (3.0, 9.0), (-9.0, -3.0), (12.0, 20.0), (-3.0, 3.0), (-40.0, 0.5)])
 def test_normals_cut_off_are_those_of_scipy(ends):
     u = np.random.default_rng(2).random(1000)
-    found = CutNormal.at(*ends).quantile(u)
+    found = CutNormal.make(*ends).quantile(u)
     assert np.abs(found - stats.truncnorm.ppf(u, *ends)).max() < 1e-9
-    assert np.abs(CutNormal.at(*ends).share(found) - u).max() < 1e-9
+    assert np.abs(CutNormal.make(*ends).share(found) - u).max() < 1e-9
 
 
 def test_a_normal_whose_share_is_zero_lies_at_the_near_end():
-    assert (CutNormal.at(60.0, 70.0).quantile(np.array([0.1, 0.9])) == 60.0).all()
-    assert (CutNormal.at(-70.0, -60.0).quantile(np.array([0.1, 0.9])) == -60.0).all()
+    assert (CutNormal.make(60.0, 70.0).quantile(np.array([0.1, 0.9])) == 60.0).all()
+    assert (CutNormal.make(-70.0, -60.0).quantile(np.array([0.1, 0.9])) == -60.0).all()
 
 
 def test_each_option_gets_its_share():

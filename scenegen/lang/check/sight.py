@@ -29,7 +29,6 @@ from scenegen.lang.check.scope import Declared
 from scenegen.lang.check.values import AnyValue, CallFrame, CameraValue, ListValue, NumberValue, ObjectValue, Value
 from scenegen.lang.spec import LEVEL, Pose, Space, SpecCamera, Support
 from scenegen.lang.syntax import ast
-from scenegen.things.sight import visible_body
 from scenegen.things.surfaces import reach_of
 
 if TYPE_CHECKING:
@@ -272,5 +271,7 @@ def share_of(lowering: Lowering, which: int, seer: SpecCamera) -> int | None:
         if gap is None:
             return None
         args += [*body(one), gap]
+    from scenegen.things.sight import visible_body  # meshes, for the few specs that look
+
     bodies = tuple(visible_body(lowering.shapes[one]) for one in (which, *others))
     return builder.apply("visibleShare", args, bodies)

@@ -12,11 +12,14 @@ from dataclasses import dataclass, field
 from xml.sax.saxutils import escape
 
 from scenegen.geometry import Box, Circle, Footprint, Polygon
+from scenegen.geometry.footprint import clip
+from scenegen.looks.usual import CIRCLE_CORNERS, UsualPlace
 from scenegen.pictures.figures.dimensions import Dimension, FigureObject, FigureScene, Guide, Mark, Point, Turn, outline
 from scenegen.pictures.figures.sights import draw_above, draw_below
-from scenegen.pictures.figures.usual import draw_usual
 
 EM = 0.62  # width of a character in a sans-serif font such as DejaVu Sans, relative to the font size
+# how opaque a part is of which hardly a thing is, how much more if all are in it; pixels of a recorded place
+FAINT, DARKER, DOT = 0.05, 0.16, 1.4
 LINE_POINT_GAP = 3.0  # pixels between the points that represent a line
 
 
@@ -145,7 +148,8 @@ class _Panel:
         for thing in view.things:
             if thing.zone:
                 out += self._outline(thing, ZONE, ZONE_EDGE, 'stroke-dasharray="4 2"')
-        out += draw_usual(view.usual, lambda which: EDGES[which % len(EDGES)], self.pixel)
+        for usual in view.usual:
+            out += self._usual(usual)
         around = self.left, self.low, self.right, self.top
         if view.sights is not None:
             out += draw_below(view.sights, around, self.pixel)
@@ -218,6 +222,27 @@ class _Panel:
             return [f'<circle cx="{_n(x)}" cy="{_n(y)}" r="{_n(thing.footprint.radius * self.scale)}" {style}/>']
         points = " ".join(f"{_n(x)},{_n(y)}" for x, y in map(self.pixel, outline(thing.footprint, thing.pose)))
         return [f'<polygon points="{points}" {style}/>']
+
+    def _usual(self, place: UsualPlace) -> list[str]:
+        """Where things usually are: circles, regions, dots, in the colour of the first of those that share it."""
+        ink = EDGES[place.things[0] % len(EDGES)]
+        parts = [(area.corners, area.share) for area in place.areas]
+        for disc in place.discs:
+            x, y = disc.middle
+            for radius in (disc.outer, disc.inner):
+                turns = (math.tau * step / CIRCLE_CORNERS for step in range(CIRCLE_CORNERS))
+                circle = [(x + radius * math.cos(turn), y + radius * math.sin(turn)) for turn in turns]
+                parts.append((clip(circle, place.within), disc.share))
+        out = []
+        for corners, share in parts:
+            points = " ".join(f"{_n(x)},{_n(y)}" for x, y in map(self.pixel, corners))
+            style = (
+                f'fill-opacity="{FAINT + DARKER * share:.3f}" stroke="{ink}" stroke-opacity="0.45" stroke-width="0.8"'
+            )
+            out.append(f'<polygon points="{points}" fill="{ink}" {style}/>')
+        for x, y in map(self.pixel, place.dots):
+            out.append(f'<circle cx="{_n(x)}" cy="{_n(y)}" r="{DOT}" fill="{ink}" fill-opacity="0.5"/>')
+        return out
 
     def _heading(self, thing: FigureObject, edge: str) -> list[str]:
         """A triangle at the front."""

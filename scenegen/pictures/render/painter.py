@@ -61,7 +61,7 @@ class Painter:
         far = 20.0 * stage.side
         x0, y0, x1, y1 = stage.table
         self._low, self._high = (x0 - far, y0 - far, -math.tau, 0.0), (x1 + far, y1 + far, math.tau, far)
-        self._studio = _Studio(options.renderer)
+        self._studio = Studio(options.renderer)
         self._things: list[list[int]] = []
         for thing, model in zip(stage.things, models or [None] * len(stage.things), strict=True):
             if model is not None:
@@ -89,7 +89,7 @@ class Painter:
                     self._studio.tint(body, tint)
         self._look, self._lighting = look, {}
         self._light = light_camera(stage, TOWARDS if look is None else look.towards)
-        with _Studio(self._options.renderer) as bare:
+        with Studio(self._options.renderer) as bare:
             x0, y0, x1, y1 = stage.table
             slab = box(x1 - x0, y1 - y0, stage.thickness, 0.12 * stage.thickness)
             middle = (x0 + x1) / 2.0, (y0 + y1) / 2.0
@@ -126,7 +126,7 @@ class Painter:
         places = np.where(np.isnan(places[:, :1]), (*self._high[:2], 0.0, 0.0), places)
         clipped = np.clip(places, self._low, self._high)
         for bodies, (x, y, theta, z), turn in zip(self._things, clipped, turns, strict=True):
-            w, *axis = turn if turn and not math.isnan(turn[0]) else _about_z(float(theta))
+            w, *axis = turn if turn and not math.isnan(turn[0]) else heading_quaternion(float(theta))
             for body in bodies:
                 self._studio.place(body, (float(x), float(y), float(z)), (*axis, w))
         _, light, _ = self._studio.shoot(self._light, self._look)
@@ -143,7 +143,7 @@ class Painter:
         x, y, theta = patch.pose
         (part, *_) = plain(patch.footprint, thick, mix(patch.color, WOOD, 0.5))
         body = self._studio.add(part.mesh, part.color)
-        w, *axis = _about_z(theta)
+        w, *axis = heading_quaternion(theta)
         self._studio.place(body, (x, y, patch.height - thick), (*axis, w))
         return body
 
@@ -161,7 +161,7 @@ def _shading(look: Look) -> dict[str, Any]:
     return SHADING | strength | {"lightColor": look.light_color}
 
 
-class _Studio:
+class Studio:
     """One world of pybullet, without physics and without a window."""
 
     def __init__(self, renderer: str) -> None:
@@ -178,7 +178,7 @@ class _Studio:
             self._renderer = pybullet.ER_BULLET_HARDWARE_OPENGL
             self._folder = tempfile.TemporaryDirectory(prefix="scenegen.")
 
-    def __enter__(self) -> _Studio:
+    def __enter__(self) -> Studio:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -285,6 +285,6 @@ class _Studio:
         return picture, buffer, np.asarray(bodies, dtype=np.int32).reshape(height, width)
 
 
-def _about_z(theta: float) -> tuple[float, float, float, float]:
+def heading_quaternion(theta: float) -> tuple[float, float, float, float]:
     """The quaternion of a heading, w first."""
     return math.cos(theta / 2.0), 0.0, 0.0, math.sin(theta / 2.0)

@@ -127,7 +127,7 @@ def init_states(
     side = None
     spread: Spread = "base" if SEEN in ranges else "flat"  # flat, what is out of reach of a range costs its time
     timeout = SIGHT_TIMEOUT if SEEN in ranges else DRAW_TIMEOUT
-    first = 4 * n if SEEN in ranges else n + n // 4  # each draw plans anew, and many have another share in the camera
+    first = 4 * n if SEEN in ranges else n + n // 4  # each draw makes a plan, and many have another share in the camera
     starts = RangeStarts(own.spec, lambda: ranges, as_int("seed", seed), timeout, first=first, spread=spread)
     while len(good) < n and len(verdicts) < max(TRIES * n if good else 0, LEAST):
         if not missing and not good and len(verdicts) >= UPRIGHT_DRAWS:

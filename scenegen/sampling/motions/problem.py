@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, ClassVar, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -14,10 +14,12 @@ from scenegen.errors import Diagnostic
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import ANGLES, LENGTHS, SIZE, THETA, TWO_PI, row_count
 from scenegen.sampling.cells import Cells, cut
-from scenegen.sampling.prior import BaseDistribution
 from scenegen.sampling.rarity import cost as state_cost
 from scenegen.sampling.request import FixedPose, SampleRequest
 from scenegen.search.effort import NEVER, Stop
+
+if TYPE_CHECKING:
+    from scenegen.sampling.prior import BaseDistribution
 
 Flags = npt.NDArray[np.bool_]
 Score = Callable[[Array], Array]

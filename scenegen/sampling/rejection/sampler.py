@@ -57,7 +57,7 @@ from scenegen.search.effort import (
     TooMuchError,
     work_per_scene,
 )
-from scenegen.search.prune import GOOD_ACCEPTANCE, Cover, Enough, box_cover
+from scenegen.search.prune import GOOD_ACCEPTANCE, Cover, GoodEnough, box_cover
 
 # Cells that no candidate hit, looked at together: where phi jumps, most of the cells of a range have no scenes.
 #
@@ -121,7 +121,7 @@ def sift(problem: Problem, trial: Trial, cells: Sequence[int], budget: Budget, m
         if budget.is_spent:
             raise StoppedError
         stream = (problem.request.seed, REJECTION_PLAN_STREAM, run[0] + 1, run[-1] + 1)
-        cover = make_cover(problem, _demand_of_run(problem, run), stream, effort, Enough(0.0, RUN_COVER_WORK))
+        cover = make_cover(problem, _demand_of_run(problem, run), stream, effort, GoodEnough(0.0, RUN_COVER_WORK))
         if not cover.parts:
             empty.update(run)
             continue

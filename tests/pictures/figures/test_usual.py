@@ -18,13 +18,13 @@ def test_circles_end_at_their_box_and_parts_of_a_mixture_are_as_dark_as_they_are
     area = UniformArea(((0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5)), 0.75)
     places = [UsualPlace((1,), box, (disc,), (area,)), UsualPlace((0, 2), box, dots=((0.5, 0.5),))]
     tree = ET.fromstring(topview(FigureScene([], usual=places), width=264))  # 240 pixels are a metre
-    outer, inner, region = tree.iter(f"{SVG}polygon")
+    region, outer, inner = tree.iter(f"{SVG}polygon")
     ends = [max(float(pair.split(",")[0]) for pair in one.get("points").split()) for one in (outer, inner, region)]
     assert ends == pytest.approx([252.0, 252.0, 132.0], abs=0.2)
     assert {one.get("fill") for one in (outer, inner, region)} == {EDGES[1]}
     assert outer.get("fill-opacity") == inner.get("fill-opacity") < region.get("fill-opacity")
     (dot,) = tree.iter(f"{SVG}circle")
-    assert (dot.get("cx"), dot.get("cy"), dot.get("fill")) == ("132.0", "132.0", EDGES[0])
+    assert (dot.get("cx"), dot.get("cy"), dot.get("fill")) == ("132", "132", EDGES[0])
 
 
 @pytest.mark.long

@@ -189,7 +189,7 @@ def _space_of(observation: Any) -> Any:
 
 def _download_beside(folder: Path) -> None:
     """The other files of a repository on the hub whose env.py lies in a folder of the hub's cache,
-    `models--OWNER--NAME/snapshots/COMMIT`. A folder that is none stays as it is."""
+    `models--OWNER--NAME/snapshots/COMMIT`. Any other folder stays as it is."""
     kind, _, name = folder.parent.parent.name.partition("--")
     if kind != "models" or folder.parent.name != "snapshots":
         return

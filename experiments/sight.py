@@ -134,7 +134,7 @@ def table(lines: list[dict[str, Any]]) -> None:
     for line in lines:
         error = abs(line["spec"] - line["picture"])
         open_ = not {line["thing"], *line["others"]}.isdisjoint(OPEN)
-        for kind in (kind_of(line["thing"]), "all with a rack or a shelf unit" if open_ else "all others", "all"):
+        for kind in (kind_of(line["thing"]), f"all {'with' if open_ else 'without'} a rack or a shelf unit", "all"):
             kinds.setdefault(kind, []).append(error)
     print("| seen | pairs | within 2 points | within 5 points | median | 9 of 10 within |")
     print("|---|---|---|---|---|---|")

@@ -37,9 +37,7 @@ def stage(
     grid: float | None = option("From line to line; default: 2cm.", "LENGTH", parser=metres),
     episodes: str | None = option("sheet: some of them, or one; default: all. check: which one.", "FIRST:END|N"),
     photo: Path | None = option("check: a photograph of the mat, objects with their tags on them.", "FILE"),
-    live: str | None = option(
-        "overlay: a camera's number, a video, or a URL: drawn again and again until Ctrl-C.", "SOURCE"
-    ),
+    live: str | None = option("overlay: a camera's number, a video or a URL; redrawn until Ctrl-C.", "SOURCE"),
     corners: Path | None = option("check: with --photo, a table of pixels of outlines: object, u, v.", "FILE"),
     poses: Path | None = option("check: a table of poses instead: mug.x, mug.y, mug.theta, ...", "FILE"),
     camera: Path | None = option("check: what a calibration gave, JSON; default: fitted with the mat.", "FILE"),

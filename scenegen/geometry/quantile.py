@@ -278,9 +278,6 @@ class Quantile:
         return UNIT_SLACK * (1.0 + abs(self.saying[0]) + abs(self.saying[1]))
 
 
-DISC_CORNERS = 256  # of the polygon that stands for a disc: less than 0.02 % of its radius off
-
-
 def region_runs(corners: Sequence[Point], x: int) -> tuple[RegionRun, RegionRun]:
     """x, and y given x as argument `x`, of a point that is uniform over a convex polygon with an area."""
     across = np.array(sorted({one for one, _ in corners}))

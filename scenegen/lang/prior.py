@@ -25,7 +25,7 @@ from scenegen.pose import PLACE, THETA, row_of
 if TYPE_CHECKING:
     from scenegen.lang.formula.core import Node
 
-PlanarPose = tuple[float, float, float]  # x, y, heading
+Pose = tuple[float, float, float]  # x, y, heading
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class UniformPlace:
 
     region: str
     footprint: Footprint
-    pose: PlanarPose
+    pose: Pose
 
     def corners_within(self, box: Rectangle, sides: int) -> tuple[Point, ...]:
         """The corners of the part of the region that lies in a box; a disc is a polygon of so many sides."""
@@ -72,11 +72,11 @@ class Recorded:
     to `reach` metres and the heading by up to `turn` radians, each uniformly and by itself. What would lie beyond the
     edge of the workspace is cut off."""
 
-    rows: tuple[tuple[PlanarPose, ...], ...]
+    rows: tuple[tuple[Pose, ...], ...]
     reach: float
     turn: float
 
-    def is_reachable(self, row: Sequence[PlanarPose], boxes: Sequence[Rectangle]) -> bool:
+    def is_reachable(self, row: Sequence[Pose], boxes: Sequence[Rectangle]) -> bool:
         """Whether all things of a row can be where they were, or near it, each in its box. Along an axis of no width it
         is held, wherever it was."""
         return all(
@@ -88,6 +88,9 @@ class Recorded:
         )
 
 
+Distribution = Normal | UniformPlace | UniformHeading | Recorded
+
+
 @dataclass(frozen=True, slots=True)
 class Prior:
     """What one `usually` statement says of `things`, objects by number: of their places, of their headings or, with
@@ -97,7 +100,7 @@ class Prior:
 
     things: tuple[int, ...]
     part: Literal["place", "heading", "pose"]
-    options: tuple[Normal | UniformPlace | UniformHeading | Recorded, ...]
+    options: tuple[Distribution, ...]
     weights: tuple[float, ...]
     nodes: tuple[Node, ...] = ()
 

@@ -15,6 +15,7 @@ from scenegen.arrays import Array, Index
 from scenegen.errors import Diagnostic
 from scenegen.geometry.footprint import Footprint
 from scenegen.geometry.workspace import Workspace
+from scenegen.lang.prior import Pose as Pose
 from scenegen.lang.prior import Prior, prior_rows
 from scenegen.pose import X, row_of, rows_of, span_of
 from scenegen.things import Shape, shape_of
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from scenegen.lang.formula.core import Core
     from scenegen.lang.formula.timed import Timed
 
-Pose = tuple[float, float, float]
 Space = tuple[float, float, float]  # x, y, z
 
 LEVEL = 1e-9  # of a direction of length 1: less of it along the table counts as none

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from scenegen.pose import PLACE, X, Y, row_of
 FEW = 6  # usual places up to which all are shown at a time: so many colours there are
 INNER, OUTER = 0.5, 0.9  # the shares of a normal distribution within its two circles
 GRID_STEPS = 96  # along each axis, with equal shares between them: radii are right to a hundredth
-CIRCLE_CORNERS = 64  # of a region that is a disc
+CIRCLE_CORNERS = 64  # of the polygon that stands for a circle
 MOST_DOTS = 150  # recorded places that are shown; of more, every second, third, ...
 
 
@@ -45,21 +45,19 @@ class UniformArea:
 
 @dataclass(frozen=True, slots=True)
 class UsualPlace:
-    """Where `things`, objects by number, usually are: those of one prior that say the same. All of it is in the box
-    `within`, which cuts discs off; `dots` are recorded places."""
+    """Where `things`, objects by number, usually are: all whose priors say the same. All of it is in the box `within`,
+    which cuts discs off; `dots` are recorded places."""
 
     things: tuple[int, ...]
     within: Rectangle
-    discs: tuple[NormalCircles, ...] = field(default=())
-    areas: tuple[UniformArea, ...] = field(default=())
-    dots: tuple[Point, ...] = field(default=())
+    discs: tuple[NormalCircles, ...] = ()
+    areas: tuple[UniformArea, ...] = ()
+    dots: tuple[Point, ...] = ()
 
 
 def usual_places(spec: CheckedSpec, row: Array) -> list[UsualPlace]:
     """Of all things whose place has a prior, in a scene with the core's rows (3M,): what is relative to others is where
     these stand now."""
-    if not spec.priors:
-        return []
     lowest, highest = spec.box()
     boxes = {
         thing: (

@@ -19,17 +19,18 @@ import numpy as np
 from scenegen.arrays import Array
 from scenegen.geometry import NUMPY
 from scenegen.geometry.footprint import Box, Footprint, Rectangle
-from scenegen.geometry.quantile import DISC_CORNERS, QUANTILE, NormalRun, Quantile, Run, UniformRun, region_runs
+from scenegen.geometry.quantile import QUANTILE, NormalRun, Quantile, Run, UniformRun, region_runs
 from scenegen.geometry.workspace import wrap_headings
 from scenegen.lang.formula.core import Apply, Const, Coord, Node, TapeWriter, nodes_below, renumber
 from scenegen.lang.formula.interpret import Numbers, fold
-from scenegen.lang.prior import Normal, Prior, Recorded, UniformHeading, UniformPlace, prior_rows
+from scenegen.lang.prior import Distribution, Normal, Prior, Recorded, UniformHeading, UniformPlace, prior_rows
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, X, axis_of, owner, row_of
 from scenegen.sampling.plan import Account, Piece, Plan, Selection, Tally, digest, verify
 from scenegen.sampling.problem import Problem, over_numbers
 from scenegen.search.effort import Effort
 
+DISC_CORNERS = 256  # of the polygon that stands for a disc: less than 0.02 % of its radius off
 RIGHT_ANGLE_TOLERANCE = 1e-12  # radians: a region turned by less from the axes is a rectangle along them
 
 
@@ -124,12 +125,10 @@ class _Writer(TapeWriter):
         ends = np.cumsum(weights) / sum(weights)
         ends[-1] = 1.0
         ranges = self._range(chooser), self._range(row)
+        before: list[int] = []
         match runs:
             case [NormalRun(middle=int()) as run]:  # a sum: what is asked of how they lie is asked of the offset
-                runs = [replace(run, offset=True)]
-                before = given[:1]
-            case _:
-                before = []
+                runs, before = [replace(run, offset=True)], given[:1]
         of = Quantile(*ranges, ends, tuple(runs), alone=chooser == row)
         # in formulas that people write, the constants of primitives are footprints
         constants = cast(tuple[Footprint, ...], (of,))
@@ -139,14 +138,7 @@ class _Writer(TapeWriter):
     def _range(self, row: int) -> tuple[float, float]:
         return float(self.lowest[row]), float(self.highest[row])
 
-    def _runs(
-        self,
-        option: Normal | UniformPlace | UniformHeading | Recorded,
-        prior: Prior,
-        thing: int,
-        axis: int,
-        given: list[int],
-    ) -> Run:
+    def _runs(self, option: Distribution, prior: Prior, thing: int, axis: int, given: list[int]) -> Run:
         """An option as it says where one coordinate is; `given` gets the nodes that it is relative to."""
         low, high = self._range(row_of(thing, axis))
         match option:

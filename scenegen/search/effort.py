@@ -29,7 +29,7 @@ MOVE_SECONDS = 6.3e-9  # of a unit of scoring a scene that a chain moves to
 # units of proposing it, and of the calls of a move of all chains, besides those of scoring
 MOVE_WORK, MOVE_CALLS_WORK = 12.0, 1e4
 CALL_WORK = 1000  # of an interval rule, for each of its arguments, however few boxes there are
-# of a rule of quantiles: of a run, and of an option and a box; and of a run and an argument for a scene
+# quantiles: bounds, for each run in a call, and for each option and box; values, for each run, argument and scene
 QUANTILE_CALL_WORK, QUANTILE_WORK, QUANTILE_SCORE_WORK = 12_000, 16, 8
 CORNERED_WORK = 10  # times as much as a sum: what a footprint with corners takes
 PYTHON_WORK = 200  # a few lines of Python for one node, set or tuple

@@ -148,7 +148,7 @@ class _Tape:
 @dataclass(frozen=True, slots=True)
 class _GridBoxes:
     """K disjoint boxes: the intervals lo, hi (T, K) of all nodes, which boxes are worth a cut, `open_`, and how much
-    they cover, `volume`. `whole` is how wide they were along the cuts before the first one."""
+    they cover, `volume`. `whole` (c,) is how wide they were along the c cuts before the first."""
 
     lo: Array
     hi: Array

@@ -283,7 +283,7 @@ def propose(
     log_volume = sum(step.log_volume for step in steps)
     for dims in groups:
         names = sorted(dims)
-        # many are cut along what quantiles are relative to alone, which narrows the numbers of these quantiles
+        # more are cut only along what quantiles are relative to, which narrows the numbers of those quantiles
         cuts = names if len(names) <= MAX_GRID_DIMS else [name for name in names if name in tape.middles]
         few = 0 < len(cuts) <= MAX_GRID_DIMS
         if not few and all(isinstance(tape.nodes[name], Coord) for name in names):

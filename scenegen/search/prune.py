@@ -42,17 +42,22 @@ SWEEP_ONLY_NODES = 20_000  # nodes of a tape from which on one sweep must do
 
 @dataclass(frozen=True, slots=True)
 class GoodEnough:
-    """When a cover is good enough although less than GOOD_ACCEPTANCE of what is drawn is kept: after so much work that
-    the scenes that are asked for take less, if that is `least` or more; or after the work `most`. `drawing` is the work
-    of these scenes were all that is drawn kept; with 0 any cover of the work `least` will do."""
+    """When to stop improving a cover of which less than GOOD_ACCEPTANCE is kept: after the work `most`; or after
+    `least`, once drawing the scenes takes no more work than was spent, or than one more step takes, STEP_WORK.
+    `drawing` is the work of the scenes if all that is drawn were kept; with 0 any cover will do."""
 
     drawing: float
-    least: float = MIN_COVER_WORK
+    least: float
     most: float = math.inf
 
     def holds(self, acceptance: float, used: float) -> bool:
         """Whether a cover of which so much is kept, after so much work, will do."""
-        return used >= self.most or (used >= self.least and self.drawing <= acceptance * max(used, STEP_WORK))
+        if acceptance >= GOOD_ACCEPTANCE or used >= self.most:
+            return True
+        return used >= self.least and self.drawing <= acceptance * max(used, STEP_WORK)
+
+
+ONLY_BEST = GoodEnough(math.inf, math.inf)
 
 
 Apart = tuple[tuple[int, float, float], ...]
@@ -130,7 +135,7 @@ def prune(
     seed: Sequence[int] = (0,),
     tape: Tape | None = None,
     effort: Effort | None = None,
-    enough: GoodEnough | None = None,
+    enough: GoodEnough = ONLY_BEST,
     stands: Collection[Stand] = (),
 ) -> Cover:
     """The cover of the scenes in the box lowest..highest (3N,) at which every wanted formula node lies within its ends.
@@ -150,7 +155,7 @@ def prune(
     while parts:
         weights = _weights(parts)
         expected = sum(weight * part.acceptance for weight, part in zip(weights, parts, strict=True))
-        if expected >= GOOD_ACCEPTANCE or (enough and enough.holds(expected, effort.used - begun)):
+        if enough.holds(expected, effort.used - begun):
             break
         waste = [
             weight * (1.0 - part.acceptance) * (not part.final) for weight, part in zip(weights, parts, strict=True)
@@ -206,7 +211,7 @@ class _Search:
     rng: np.random.Generator
     effort: Effort
     stands: Collection[Stand] = ()
-    enough: GoodEnough | None = None
+    enough: GoodEnough = ONLY_BEST
     grids: Grids = field(default_factory=Grids)
 
     def open_up(self, entries: Sequence[Entry], *, couple: bool = True) -> list[Part]:
@@ -266,7 +271,7 @@ class _Search:
         # A demand that fails often may be tied to others that do not: these come in the second time.
         for loose in LOOSE_SHARES if couple else ():
             more = {one.core for one in atoms if one.node not in self.tape.affine and met[one.core] < loose} - coupling
-            if part.acceptance >= GOOD_ACCEPTANCE or (self.enough and self.enough.holds(part.acceptance, 0.0)):
+            if self.enough.holds(part.acceptance, 0.0):  # a part that will do is not coupled further
                 break
             if not more:
                 continue

@@ -365,9 +365,7 @@ def make_tape(core: Core, lowest: Array, highest: Array, effort: Effort | None =
         ):
             crowded.add(at)
     batches = make_batches(nodes)
-    middles = (
-        frozenset([at for at in nodes_below(nodes, given) if isinstance(nodes[at], Coord)]) if given else frozenset()
-    )
+    middles = frozenset([at for at in nodes_below(nodes, given) if isinstance(nodes[at], Coord)])
     return Tape(
         nodes, where, algebra.rows, writer.differences, writer.affine, loops, batches, frozenset(crowded), middles
     )

@@ -16,7 +16,8 @@ from scenegen.things.outline import MeshError, Shadow, corners_of, simplify
 
 CUTS = 24  # through a body, at equal distances
 SLICES = 5  # that stand for it at most: neighbours become one, those that are most alike first
-ALIKE = 0.02  # of how far all cuts reach: by so much, those of one slice may differ where there are fewer
+# once there are at most SLICES, neighbours still become one that differ by less than this share of all reaches
+ALIKE = 0.02
 WAYS = 16  # in which cuts are compared
 SLICE_CORNERS = 12  # of a slice that is not round, at most
 MANY, ROUND = 16, 0.04  # an outline with so many corners, whose distances from the axis differ by less, is a disc

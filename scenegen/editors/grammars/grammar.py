@@ -25,16 +25,7 @@ from scenegen.editors.grammars.rules import (
     lark,
     seq,
 )
-from scenegen.editors.grammars.statements import (
-    EXACT,
-    HEADING_WORDS,
-    MEASURES,
-    Extra,
-    Findings,
-    PhraseForm,
-    TrialStatement,
-    findings,
-)
+from scenegen.editors.grammars.statements import EXACT, MEASURES, Extra, Findings, PhraseForm, TrialStatement, findings
 from scenegen.editors.grammars.usual import usual_rules
 from scenegen.errors import RequestError, Source
 from scenegen.errors.requests import OUT_OF_RANGE, REQUIREMENT_NOT_FOUND, UNKNOWN_CHOICE
@@ -91,7 +82,7 @@ def rules_of(about: Spec | Sequence[str], *, shape: str = "goals", only: str = "
     names = label_names(text, MAX_LABELS_WRITTEN)
     if only == "labels":
         return grammar(found, Terminal(""), {}, names, chosen)
-    usual, rules = usual_rules(spec.definition, least.objects, HEADING_WORDS)
+    usual, rules = usual_rules(spec.definition, least.objects)
     return grammar(found, seq(Terminal(declared), usual), rules, names, chosen)
 
 

@@ -12,6 +12,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 from scenegen.editors.grammars.rules import Alternation, IntegerRange, Part, Repeat, RuleRef, Seq, Terminal, choice, seq
+from scenegen.editors.grammars.statements import HEADING_WORDS
 from scenegen.lang.prior import prior_rows
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, axis_of, owner
@@ -30,23 +31,23 @@ class _Subject:
     stands: bool
 
 
-def usual_rules(spec: CheckedSpec, sure: Collection[str], headings: Sequence[str]) -> tuple[Part, dict[str, Part]]:
+def usual_rules(spec: CheckedSpec, sure: Collection[str]) -> tuple[Part, dict[str, Part]]:
     """What may be said of where the things of a spec usually are, a line for each or none; and the rules of it. `sure`
-    are objects that are there whatever the number of things; `spec` has all of them."""
+    are the objects that are there whatever the number of things; `spec` has also those that may be missing."""
     said = {(owner(row), axis_of(row)) for row in prior_rows(spec.priors)}
     spoken_of = {one for one, _ in said}
     held = [spec.objects[one] for one in sorted(spec.fixed)]
     rules: dict[str, Part] = {}
     lines: list[str] = []
     fresh: list[str] = []  # earlier things that no rule has yet
-    earlier: Part | None = None
+    earlier: list[Part] = []  # the rule of those that have one
     for number, subject in enumerate(_subjects(spec), start=1):
         place = not any((one, axis) in said for one in subject.elements for axis in PLACE)
         turn = not any((one, THETA) in said for one in subject.elements)
         if fresh and (place or turn):
-            rules[f"before{number}"] = choice([*([] if earlier is None else [earlier]), *map(Terminal, fresh)])
-            earlier, fresh = RuleRef(f"before{number}"), []
-        if place and (earlier is not None or not subject.stands):
+            rules[f"before{number}"] = choice([*earlier, *map(Terminal, fresh)])
+            earlier, fresh = [RuleRef(f"before{number}")], []
+        if place and (earlier or not subject.stands):
             rules[f"normal{number}"] = _normal(subject, earlier)
             made = _mixtures(RuleRef(f"normal{number}"), None if subject.stands else RuleRef("uniform"))
             rules[f"place{number}"] = seq(Terminal(f"usually {subject.name} ~ "), made)
@@ -61,22 +62,22 @@ def usual_rules(spec: CheckedSpec, sure: Collection[str], headings: Sequence[str
         "uniform": choice([Terminal(f"uniform({name})") for name in (*_regions(spec), "workspace")]),
         "spread": seq(IntegerRange(1, WIDEST), Terminal(" cm")),
         "weight": seq(Terminal(": "), IntegerRange(1, MOST_WEIGHT)),
-        "direction": choice([Terminal(one) for one in (*headings, *(f"theta({name})" for name in held))]),
+        "direction": choice([Terminal(one) for one in (*HEADING_WORDS, *(f"theta({name})" for name in held))]),
     }
     used = {name for part in rules.values() for name in _names(part)}
     rules |= {name: part for name, part in shared.items() if name in used}
     return seq(*(Repeat(seq(RuleRef(name), Terminal("\n")), 0, 1) for name in lines)), rules
 
 
-def _normal(subject: _Subject, earlier: Part | None) -> Part:
+def _normal(subject: _Subject, earlier: Sequence[Part]) -> Part:
     """A place around earlier things and, of what can be anywhere in the workspace, around anything in it."""
-    around = ([] if earlier is None else [earlier]) + ([] if subject.stands else [RuleRef("spot")])
+    around = [*earlier, *([] if subject.stands else [RuleRef("spot")])]
     return seq(Terminal("normal("), choice(around), Terminal(", "), RuleRef("spread"), Terminal(")"))
 
 
-def _heading(earlier: Part | None) -> Part:
+def _heading(earlier: Sequence[Part]) -> Part:
     """A heading around a direction, or around that of an earlier thing."""
-    of_things = [] if earlier is None else [seq(Terminal("theta("), earlier, Terminal(")"))]
+    of_things = [seq(Terminal("theta("), one, Terminal(")")) for one in earlier]
     around = choice([RuleRef("direction"), *of_things])
     return seq(Terminal("normal("), around, Terminal(", "), IntegerRange(1, WIDEST_TURN), Terminal(" deg)"))
 

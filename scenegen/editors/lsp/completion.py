@@ -92,7 +92,7 @@ def _items(here: _WordAtCursor) -> Iterator[CompletionItem]:
     kind = here.statement.kind if here.statement is not None and here.before else ""
     if last is not None and last.text == ".":
         yield from _members(here)
-    elif last is not None and _names_things(here):
+    elif _names_things(here):
         yield from _things(here)
     elif last is not None and last.kind == "number":
         if not last.text[-1:].isalpha() and here.document.text[last.end : here.start].strip(" \t") == "":

@@ -30,7 +30,7 @@ from scenegen.lang.check.values import CallFrame, ListValue, NumberValue, Object
 from scenegen.lang.check.weights import weights_of
 from scenegen.lang.formula.builder import describe
 from scenegen.lang.formula.core import Const, Coord
-from scenegen.lang.prior import Normal, Prior, Recorded, UniformHeading, UniformPlace
+from scenegen.lang.prior import Distribution, Normal, Prior, Recorded, UniformHeading, UniformPlace
 from scenegen.lang.spec import Pose
 from scenegen.lang.syntax import ast
 from scenegen.lang.tables import Table, csv_cells
@@ -265,8 +265,8 @@ def _refuse_circle(reader: _Reader, nodes: Sequence[int], here: Span) -> None:
     core = lowering.builder.finish({str(number): node for number, node in enumerate(nodes)})
     for node in core.nodes:
         if isinstance(node, Coord) and node.object >= len(lowering.shapes):
-            before = lowering.horizon is not None
-            raise SpecError(CIRCULAR_PRIOR(here, **{"step" if before else "switch": True}))
+            which = "switch" if lowering.horizon is None else "step"
+            raise SpecError(CIRCULAR_PRIOR(here, **{which: True}))
         if isinstance(node, Coord) and node.object in reader.present:
             raise SpecError(CIRCULAR_PRIOR(here, name=_name(lowering, node.object)))
 
@@ -469,7 +469,7 @@ def prior_text(prior: Prior, names: Sequence[str], objects: Sequence[str]) -> st
     return f"{', '.join(each)} ~ {options[0] if len(options) == 1 else f'[{mixture}]'}"
 
 
-def _option_text(prior: Prior, one: _Option | Recorded, objects: Sequence[str]) -> str:
+def _option_text(prior: Prior, one: Distribution, objects: Sequence[str]) -> str:
     match one:
         case UniformPlace(region=region):
             return f"uniform({region})"

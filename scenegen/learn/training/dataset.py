@@ -17,6 +17,7 @@ from scenegen.learn.models.codec import Codec
 from scenegen.learn.robustness import Robustness
 from scenegen.learn.training.gathering import Gathering
 from scenegen.pose import row_count
+from scenegen.sampling.prior import pull_back
 from scenegen.sampling.request import Range
 
 _DRAWN_AT_ONCE = 65_536
@@ -92,8 +93,6 @@ def _free_draw(spec: CheckedSpec, scenes: int, generator: torch.Generator) -> Te
     rows = held_in_place(spec, Codec(spec.workspace, len(spec.core.objects)).decode(unit))
     if not spec.priors:
         return rows
-    from scenegen.sampling.prior import pull_back
-
     _, base = pull_back(spec, *spec.box())
     return torch.from_numpy(base.poses(rows.double().numpy())).to(rows)
 

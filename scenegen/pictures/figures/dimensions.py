@@ -161,8 +161,8 @@ Mark = Dimension | Turn | Guide
 
 @dataclass(frozen=True, slots=True)
 class FigureScene:
-    """A scene and its text: `x` and `y` are the ends of the workspace, `caption` the lines below. `usual` numbers the
-    things that are no zones."""
+    """A scene and its text: `x` and `y` are the ends of the workspace, `caption` the lines below. The things of
+    `usual` are counted without zones."""
 
     things: Sequence[FigureObject]
     x: tuple[float, float] = (0.0, 1.0)

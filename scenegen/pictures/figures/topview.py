@@ -18,7 +18,7 @@ from scenegen.pictures.figures.dimensions import Dimension, FigureObject, Figure
 from scenegen.pictures.figures.sights import draw_above, draw_below
 
 EM = 0.62  # width of a character in a sans-serif font such as DejaVu Sans, relative to the font size
-# how opaque a part is of which hardly a thing is, how much more if all are in it; pixels of a recorded place
+# opacity of a part with share 0, and what is added at share 1; radius of a recorded place, in pixels
 FAINT, DARKER, DOT = 0.05, 0.16, 1.4
 LINE_POINT_GAP = 3.0  # pixels between the points that represent a line
 

@@ -319,7 +319,7 @@ def make_motion_problem(spec: CheckedSpec, request: SampleRequest, stop: Stop = 
         highest=highest.reshape(shape), radius=radius, turn=turn, score=TraceScores(timed), request=checked,
         moves=timed.moves, dt=timed.horizon.dt, cost=cost(spec),
         lean=make_lean_scores(timed), log_excess=spec.log_excess(lowest, highest),
-        spec=spec, base=base if base.at else None, warnings=warnings,
+        spec=spec, base=base, warnings=warnings,
     )  # fmt: skip
 
 

@@ -349,8 +349,9 @@ def narrow_quantile(of: Quantile, wanted: Spans, chooser: Spans, number: Spans, 
         )
         for end in (0, 1)
     )
-    least = np.fmax(least - UNIT_SLACK, found.u[0])  # of the two, the one that is a number
-    most = np.fmin(most + UNIT_SLACK, found.u[1])
+    # of the two, the one that is a number; that, too, may lose its last digit on the way back
+    least = np.fmax(least, found.u[0]) - UNIT_SLACK
+    most = np.fmin(most, found.u[1]) + UNIT_SLACK
     column = (-1, *(1,) * len(shape))
     starts, ends = of.starts.reshape(column), of.ends.reshape(column)
     first, last = (starts + least * (ends - starts), starts + most * (ends - starts)) if of.alone else (starts, ends)

@@ -403,6 +403,7 @@ WRONG_CHOICE = Kind(
 WRONG_WEIGHT = Kind(
     "wrong-weight",
     (
+        "{low:?}a weight is from {low:g} to {high:g}",
         "{weight:?}a weight is a number above 0",
         "{twice:?}{twice} is in this list twice",
         "{alone:?}there is one number here, whatever its weight",
@@ -414,6 +415,7 @@ WRONG_WEIGHT = Kind(
         "{rounds:?}their shares come out even after {rounds:,} scenes; {limit:,} is the limit",
     ),
     (
+        "{low:?}only their proportion counts: write [a: 7, b: 3]",
         "{weight:?}leave out what is never taken",
         "{twice:?}write each number once",
         "{alone:?}for {least} to {most} of them write {name}[{least}..{most}]",

@@ -81,14 +81,14 @@ WRONG_SPREAD = Kind(
         "{turn:?}headings cannot turn by more than half a turn in either direction",
         "{wide:?}headings from {low:g} to {high:g} deg are more than a turn",
         "{low:?}there are no headings from {low:g} up to {high:g} deg",
-        "{what} is at least {least:g} {unit}",
+        "{what} is from {least:g} to {most:g} {unit}",
     ),
     ("{turn:?}", "{low:?}", "this one is {width:g} {unit}"),
     (
         "{turn:?}for any heading write 180 deg",
         "{mended:?}counter-clockwise from the first to the second: write uniform({mended})",
         "{low:?}write at most a turn: uniform(0 deg, 360 deg)",
-        "what is held in place is declared: object mug at (0.4, 0.3, NORTH)",
+        "what is held is declared: object mug at (0.4, 0.3, NORTH); what is anywhere needs no `usually`",
     ),
 )
 WRONG_POSES = Kind(

@@ -189,9 +189,13 @@ NO_SUCH_SCENE = Kind(
 )
 TOO_IMPROBABLE = Kind(
     "too-improbable",
-    ("scenes with {wanted} are too improbable to find", "scenes that the spec allows are too improbable to find"),
-    help="ask for a wider range, or for larger tolerances",
-    note="the range is not proved empty: single scenes may have such phi",
+    (
+        "{thing:?}`{thing}` would be so far from its usual place that less than {share:g} of its distribution is left",
+        "scenes with {wanted} are too improbable to find",
+        "scenes that the spec allows are too improbable to find",
+    ),
+    help=("{thing:?}widen the distribution of `{thing}`", "ask for a wider range, or for larger tolerances"),
+    note=("{thing:?}", "the range is not proved empty: single scenes may have such phi"),
 )
 REQUIREMENT_NOT_FOUND = Kind(
     "requirement-not-found",

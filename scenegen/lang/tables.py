@@ -70,9 +70,9 @@ class Table:
 
 
 def _number(cell: Any) -> float:
-    """NaN for what is none."""
+    """NaN for what is none, and for Python's `1_000`, which other programs read otherwise."""
     try:
-        return math.nan if isinstance(cell, bool) or cell is None else float(cell)
+        return math.nan if isinstance(cell, bool) or cell is None or "_" in str(cell) else float(cell)
     except (TypeError, ValueError, OverflowError):
         return math.nan
 

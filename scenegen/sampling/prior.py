@@ -17,9 +17,11 @@ from typing import Any, cast
 import numpy as np
 
 from scenegen.arrays import Array
+from scenegen.errors import RequestError
+from scenegen.errors.requests import TOO_IMPROBABLE
 from scenegen.geometry import NUMPY
 from scenegen.geometry.footprint import Box, Footprint, Rectangle
-from scenegen.geometry.quantile import QUANTILE, NormalRun, Quantile, Run, UniformRun, region_runs
+from scenegen.geometry.quantile import QUANTILE, UNIT_SLACK, NormalRun, Quantile, Run, UniformRun, region_runs
 from scenegen.geometry.workspace import wrap_headings
 from scenegen.lang.formula.core import Apply, Const, Coord, Node, TapeWriter, nodes_below, renumber
 from scenegen.lang.formula.interpret import Numbers, fold
@@ -28,9 +30,11 @@ from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, X, axis_of, owner, row_of
 from scenegen.sampling.plan import Account, Piece, Plan, Selection, Tally, digest, verify
 from scenegen.sampling.problem import Problem, over_numbers
+from scenegen.search.contract import contract_box
 from scenegen.search.effort import Effort
 
 DISC_CORNERS = 256  # of the polygon that stands for a disc: less than 0.02 % of its radius off
+LEAST_SHARE = 1e-12  # of a distribution that scenes may need: uniform numbers are 1e-16 apart
 RIGHT_ANGLE_TOLERANCE = 1e-12  # radians: a region turned by less from the axes is a rectangle along them
 
 
@@ -246,9 +250,15 @@ class Placed(Selection):
 
 def over_uniform(problem: Problem, effort: Effort) -> tuple[Problem, BaseDistribution]:
     """A problem whose spec has priors over uniform numbers, and what these become. Raises RequestError where it is
-    proved to be impossible, and what `effort` raises."""
+    proved to be impossible, or needs less of a distribution than LEAST_SHARE, and what `effort` raises."""
     spec, base = pull_back(problem.spec, problem.lowest, problem.highest)
-    return over_numbers(problem, spec, effort), base
+    over = over_numbers(problem, spec, effort)
+    left = contract_box(over.tape, over.lowest, over.highest, over.demand(), effort)
+    for row, node in over.tape.rows.items():
+        share = (left.hi[node] - left.lo[node]) / (over.highest[row] - over.lowest[row])
+        if row in base.at and share < LEAST_SHARE + 4.0 * UNIT_SLACK:
+            raise RequestError(TOO_IMPROBABLE(thing=problem.spec.objects[owner(row)], share=LEAST_SHARE))
+    return over, base
 
 
 def plan_placed(problem: Problem, make: Callable[[Problem], Plan], effort: Effort) -> Placed:

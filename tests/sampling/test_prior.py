@@ -52,6 +52,16 @@ def phi_by_hand(rows):
     return np.minimum(rows[6] - rows[0], apart - 0.3)
 
 
+@pytest.mark.parametrize("method", ["auto", "growth", "splitting"])
+def test_what_no_number_can_tell_apart_is_refused(method):
+    spec = scenegen.parse(
+        "object mug, plate\nusually mug ~ normal((0.1, 0.5), 10 cm)\nrequire x(mug) >= 0.85\ntask: leftOf(plate, mug)"
+    )
+    with pytest.raises(RequestError, match="less than 1e-12 of its distribution") as caught:
+        scenegen.sample(spec, {"task": (0.0, None)}, 10, method=method)
+    assert caught.value.diagnostics[0].code == "too-improbable"
+
+
 @pytest.fixture(scope="module")
 def truth():
     rows = by_hand(np.random.default_rng(5), 400_000)

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from scenegen.lang.check.imports import Project
     from scenegen.lang.check.lowering import Lowering
 
-LEAST_SPREAD = 1e-6  # metres, or radians: what is narrower is held in place
+LEAST_SPREAD, MOST_SPREAD = 1e-6, 1e6  # metres, or radians: what is narrower is held, what is wider is uniform
 MOST_DEVIATIONS = 8.0  # beyond these a normal distribution has less than 1e-15 of its mass
 MAX_ROWS = 10_000  # of recorded poses
 TABLE_ENDING = ".csv"
@@ -79,9 +79,9 @@ class _Reader:
         amount = self.lowering.constant(value, expr, frame, what, BARE, unit)
         if unit == ANGLE:
             self.lowering.refuse_degrees([value, NumberValue(value.node, ANGLE, origin=value.origin)])
-        if not amount >= LEAST_SPREAD:
+        if not LEAST_SPREAD <= amount <= MOST_SPREAD:
             unit_name = "m" if unit == LENGTH else "rad"
-            facts = {"what": what, "width": amount, "least": LEAST_SPREAD, "unit": unit_name}
+            facts = {"what": what, "width": amount, "unit": unit_name, "least": LEAST_SPREAD, "most": MOST_SPREAD}
             raise SpecError(WRONG_SPREAD(expr.span(self.source), **facts))
         return amount
 

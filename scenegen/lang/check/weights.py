@@ -17,17 +17,20 @@ from scenegen.lang.syntax import ast
 if TYPE_CHECKING:
     from scenegen.lang.check.lowering import Lowering
 
+LEAST_WEIGHT, MOST_WEIGHT = 1e-100, 1e100  # so that sums and shares of them are numbers
 MAX_ROUND = 10_000  # scenes after which shares of numbers come round again: weights as whole numbers sum to no more
 
 
 def weights_of(lowering: Lowering, written: ast.Weighted, source: Source) -> tuple[Fraction, ...]:
-    """The weights, as the decimals that were written: numbers above 0 without a unit. Raises SpecError."""
+    """The weights, as the decimals that were written: numbers above 0 without a unit that can be compared with
+    one another. Raises SpecError."""
     found = []
     for expr in written.weights:
         frame = CallFrame(source)
         amount = lowering.constant(lowering.evaluate(expr, frame), expr, frame, "a weight", BARE)
-        if not (amount > 0.0 and math.isfinite(amount)):
-            raise SpecError(WRONG_WEIGHT(expr.span(source), weight=amount))
+        if not LEAST_WEIGHT <= amount <= MOST_WEIGHT:
+            facts = {"low": LEAST_WEIGHT, "high": MOST_WEIGHT} if 0.0 < amount < math.inf else {}
+            raise SpecError(WRONG_WEIGHT(expr.span(source), weight=amount, **facts))
         found.append(Fraction(repr(amount)))
     return tuple(found)
 

@@ -29,6 +29,7 @@ ABOVE = 0.12  # metres that the hand keeps above what stands on the table
 DEEP = 0.025  # metres between the finger tips and the top of what they hold
 HAND = ((0.132, 0.022, -0.012), (0.208, 0.064, 0.024))  # open fingers, palm: length, width, and height above the grip
 ROOM = 0.01  # metres around the hand that are enough
+ASIDE = 0.03  # metres beside its place from which the hand goes down, the nearer the faster
 
 
 class Scripted:
@@ -155,14 +156,17 @@ class Scripted:
                 return
 
     def towards(self, goal: Any, turn: float, fingers: float) -> np.ndarray:
-        """The action that moves the hand towards a place, pointing down, with the fingers closing along `turn`."""
+        """The action that moves the hand towards a place, pointing down, with the fingers closing along `turn`. It goes
+        down where it is above the place, not on a slant: on its way down it drifts, most near the base and far out."""
         hand = self.seen["hand"]
         shift = np.subtract(goal, hand[:3]) / REACH[0]
-        shift /= max(1.0, np.abs(shift).max())
+        aside = np.linalg.norm(shift[:2]) * REACH[0]
+        shift[:2] /= max(1.0, np.abs(shift[:2]).max())
+        shift[2] = np.clip(shift[2], -max(0.0, 1.0 - aside / ASIDE), 1.0)
         rotation = rotation_vector(pointing_down(turn) @ matrix(hand[3:]).T) / REACH[1]
         cosine, sine = math.cos(self.seen["turn"]), math.sin(self.seen["turn"])
         to_robot = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-        return np.concatenate([to_robot @ shift, np.clip(to_robot @ rotation, -1.0, 1.0), [fingers]])
+        return np.clip([*(to_robot @ shift), *(to_robot @ rotation), fingers], -1.0, 1.0)
 
 
 def without_start(spec: scenegen.Spec, label: str) -> scenegen.Spec:

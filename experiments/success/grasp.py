@@ -6,8 +6,9 @@ An arm is added to each task where robosuite's Panda stands. `grasp` is phi of `
 the one that is moved: at the start, and at the goal in up to 64 places of it, of 4,096 uniform ones, where the goal
 holds and nothing overlaps, with all else as at the start. Of these count the best, by the least of goal and grasp, or
 the mean. `one hold` is the room at the same yaw in the frame of the object at both ends. `fit` predicts starts that it
-has not seen from phi of the goal at the start, the grasp there, and the best of the goal, as `scenegen fit --monotone`.
-With FIRST also a fit of so many starts of each task, at those after them.
+has not seen, as `scenegen fit --monotone`: from phi of the goal at the start, the grasp there, and the best of the
+goal; and from these and one hold, the mean. With FIRST also a fit of all four to so many starts of each task, at those
+after them.
 """
 
 from __future__ import annotations
@@ -34,11 +35,12 @@ region mount = rect(-0.3, -0.8, 0.3, -0.4) at 11.2 cm
 robot arm = panda on mount at (0, -0.56, NORTH)
 """
 PLACES, GOALS = 4096, 64  # of the object that is moved: tried for each start, and looked at where the goal holds
-READ = (  # by the fit
+THREE = (
     Feature("phi of the goal at the start", "phi"),
     Feature("grasp at the start", "margin"),
     Feature("goal and grasp at the goal, best", "margin"),
 )
+FOUR = (*THREE, Feature("one hold at both ends, mean", "margin"))
 
 
 def main(folder: str, path: str, first: str = "0") -> None:
@@ -49,12 +51,13 @@ def main(folder: str, path: str, first: str = "0") -> None:
         mine = [one for one in outcomes.episodes if one.task == task.name]
         success = np.array([one.success for one in mine])
         found = scores(task, [suite[one.episode].row for one in mine])
-        found["fit of the first three"] = held_out(found, success)
+        fits = {"fit of the first three": THREE, "fit of these and one hold, mean": FOUR}
+        found |= {name: held_out(found, success, read) for name, read in fits.items()}
         column = {"starts": f"{len(mine)}", "success": f"{success.mean():.0%}"}
         for name, score in found.items():
             column[name] = interval(success, score)
         if count := int(first):
-            data = outcomes_of(found, success)
+            data = outcomes_of(found, success, FOUR)
             seen, late = data.start < count, data.start >= count
             predicted = data.select(late).predict(fit_logistic(data.select(seen), True))
             column[f"fit of the first {count}, at the others"] = interval(success[late], predicted)
@@ -64,13 +67,13 @@ def main(folder: str, path: str, first: str = "0") -> None:
         print(f"| {name} | {' | '.join(one[name] for one in columns)} |")
 
 
-def held_out(found: dict[str, Array], success: Bool) -> Array:
+def held_out(found: dict[str, Array], success: Bool, read: Sequence[Feature] = FOUR) -> Array:
     """(n,): the success that a fit of the other starts predicts, by their scores."""
-    return predict_held_out(outcomes_of(found, success), True)
+    return predict_held_out(outcomes_of(found, success, read), True)
 
 
-def outcomes_of(found: dict[str, Array], success: Bool) -> Outcomes:
-    return Outcomes(READ, np.stack([found[one.name] for one in READ]), success, np.arange(len(success)))
+def outcomes_of(found: dict[str, Array], success: Bool, read: Sequence[Feature]) -> Outcomes:
+    return Outcomes(tuple(read), np.stack([found[one.name] for one in read]), success, np.arange(len(success)))
 
 
 def interval(success: Bool, score: Array) -> str:

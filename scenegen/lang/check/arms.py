@@ -24,7 +24,7 @@ from scenegen.geometry import MATH, Footprint
 from scenegen.geometry.clearance import reach
 from scenegen.geometry.footprint import Box, PlacedBox, place_box
 from scenegen.geometry.primitives import ANGLE, BARE, LENGTH
-from scenegen.lang.check.heights import MOST_CASES, ROUNDING, by_cases, height_in, level, pieces_of, pose_of
+from scenegen.lang.check.heights import MOST_CASES, ROUNDING, boards_of, by_cases, height_in, level, pieces_of, pose_of
 from scenegen.lang.check.names import bind
 from scenegen.lang.check.regions import SIGNATURES
 from scenegen.lang.check.values import (
@@ -378,7 +378,6 @@ def _obstacles(lowering: Lowering, which: int, base: int) -> Iterator[tuple[Foot
         if other not in (which, base):
             for outline, _, high in pieces_of(lowering, other, 0.0):
                 yield outline, pose_of(lowering, other), _sum(lowering, level(lowering, other), high)
-    for name, area in lowering.areas.items():
-        if name != "workspace" and area.z > 0.0:
-            place = (*map(builder.const, area.center), builder.const(0.0))
-            yield area.footprint, place, builder.const(area.z)
+    for area in boards_of(lowering).values():
+        place = (*map(builder.const, area.center), builder.const(0.0))
+        yield area.footprint, place, builder.const(area.z)

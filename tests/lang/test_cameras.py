@@ -93,6 +93,32 @@ def test_a_camera_straight_above():
     assert phi(core, [0.5, 0.5, 0.0, 0.7, 0.5, 0.0])["task"] == pytest.approx(0.2 - 0.05 - 0.05 * 2 / 1.95)
 
 
+@pytest.mark.parametrize("crate", ["box(20 cm, 20 cm, 80 cm)", "cylinder(10 cm, 80 cm)", "prism"])
+def test_a_body_around_the_camera_hides_all(crate):
+    """Also what is behind the camera."""
+    shape = "prism([(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)], 80 cm)" if crate == "prism" else crate
+    text = CAMERA.replace("-0.6", "0.3") + f"object mug = cylinder(4 cm, 9 cm), crate = {shape}\n"
+    text += "clear: unhidden(mug, front)\nshare: visibleShare(mug, front) >= 0"
+    core = check_text(text).core
+    rows = np.random.default_rng(0).uniform(size=(6, 500))
+    rows[3], rows[4] = 0.35, 0.25  # beside it
+    outside = phi(core, list(rows), NUMPY)
+    assert (outside["share"] >= 0.0).mean() > 0.7
+    rows[3], rows[4] = 0.52, 0.33
+    inside = phi(core, list(rows), NUMPY)
+    assert (inside["share"] == -1.0).all() and (inside["clear"] < 0.0).all()
+
+
+@pytest.mark.parametrize("pose", [(0.5, 0.1, 0.0), (0.55, 0.1, 0.5)])
+def test_scenes_with_a_camera_in_what_is_held_around_it_are_proved_away(pose):
+    spec = scenegen.parse(
+        "camera front = at (0.5, 0.1, 0.1) looks at (0.5, 0.6, 0) fov 60 deg, 4:3\n"
+        "object crate = box(20 cm, 20 cm, 20 cm), mug = cylinder(4 cm, 9 cm)\ntask: visible(mug, front, 50 %)"
+    )
+    with pytest.raises(scenegen.errors.RequestError, match="no scene can have phi"):
+        scenegen.sample(spec, {"task": (0.0, None)}, fix={"crate": pose}, n=1)
+
+
 BOARD = """camera top = at (0.5, 0.5, 1) looks at (0.5, 0.5, 0) fov 60 deg, 1:1
 camera low = at (0.5, -0.5, 0.05) looks at (0.5, 0.5, 0.05) fov 40 deg, 1:1
 region shelf = rect(0.4, 0.4, 0.6, 0.6) at 20 cm

@@ -239,21 +239,16 @@ def _shadow(lowering: Lowering, which: int, other: Body, seer: SpecCamera) -> in
     """The clearance of an object and what another body hides; where heights alone keep that off, by how much they do.
     None where choices of supports allow too many cases."""
     builder = lowering.builder
-    board = lowering.areas[other] if isinstance(other, str) else None
     poses = (*pose_of(lowering, which), *_pose(lowering, other))
-    shapes = (lowering.coerce.covers(which), board.footprint if board else lowering.coerce.covers(other))
+    outline = lowering.areas[other].footprint if isinstance(other, str) else lowering.coerce.covers(other)
+    shapes = (lowering.coerce.covers(which), outline)
     x, y, eye = seer.eye
 
     def in_case(supports: Mapping[int, Support]) -> int:
-        if _stands_on(which, other, supports) and (board is None or eye >= board.z):  # a board is seen from below, too
+        (low, top), (below, above) = (_levels(lowering, one, supports) for one in (which, other))
+        # of what stands on it, a board hides what is seen from below
+        if _stands_on(which, other, supports) and (isinstance(other, int) or eye >= above):
             return builder.const(BESIDE)
-        low = height_in(which, supports)
-        top = low + lowering.shapes[which].height
-        if board is None:
-            below = height_in(other, supports)
-            above = below + lowering.shapes[other].height
-        else:
-            below, above = board.underside, board.z
         found = _copies((low, top), (below, above), eye)
         first, last = found or (1.0, 1.0)
         args = (*poses, *map(builder.const, (x, y, first, last)))
@@ -267,6 +262,14 @@ def _pose(lowering: Lowering, body: Body) -> tuple[int, ...]:
     if isinstance(body, int):
         return pose_of(lowering, body)
     return tuple(map(lowering.builder.const, (*lowering.areas[body].center, 0.0)))
+
+
+def _levels(lowering: Lowering, body: Body, supports: Mapping[int, Support]) -> tuple[float, float]:
+    """How high the lowest and the highest point of a body are where every support is known."""
+    if isinstance(body, str):
+        return lowering.areas[body].underside, lowering.areas[body].z
+    low = height_in(body, supports)
+    return low, low + lowering.shapes[body].height
 
 
 def _stands_on(which: int, other: Body, supports: Mapping[int, Support]) -> bool:

@@ -93,6 +93,11 @@ def test_a_camera_straight_above():
     assert phi(core, [0.5, 0.5, 0.0, 0.7, 0.5, 0.0])["task"] == pytest.approx(0.2 - 0.05 - 0.05 * 2 / 1.95)
 
 
+def test_a_share_of_what_is_alone_is_constant_and_why_is_said():
+    with pytest.raises(scenegen.errors.SpecError, match="there is nothing that can hide `mug`"):
+        check_text(CAMERA + "object mug\ntask: visible(mug, front, 30 %, 50 %)")
+
+
 @pytest.mark.parametrize("crate", ["box(20 cm, 20 cm, 80 cm)", "cylinder(10 cm, 80 cm)", "prism"])
 def test_a_body_around_the_camera_hides_all(crate):
     """Also what is behind the camera."""

@@ -62,6 +62,7 @@ BEHIND_PREFIX = "behind_"  # before the names of what the ring behind the base h
 QUARTERS = 0.0, math.pi, math.pi / 2.0, -math.pi / 2.0  # directions from that away from the base
 HeightCases = Callable[[Callable[[float], float]], int]
 """A function of the height above the base at which the fingers close -> a number of the core."""
+GRASPED = "an object that a hand can grasp"
 YAWS = 12  # at which a hand is tried, evenly over half a turn: turned by half a turn it is the same
 
 
@@ -84,8 +85,8 @@ def arm_shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Proje
             return _base_of(_inline_arm(lowering, path.value, given, source), path.value)
         return _base_of(read_arm(project.read(path.value.replace("\\", "/"), path.span(source), "an arm")), path.value)
     except ArmError as error:
-        problems = (UNUSABLE_ARM(path.span(source), path=path.value, reason=reason) for reason in error.reasons)
-        raise SpecError(*problems) from None
+        reason = "; ".join(error.reasons)
+        raise SpecError(UNUSABLE_ARM(path.span(source), path=path.value, reason=reason)) from None
 
 
 def _base_of(arm: Arm, path: str) -> Shape:
@@ -152,11 +153,16 @@ def arm_function(lowering: Lowering, name: str, values: Mapping[str, Value], nod
     if thing == robot:
         called = frame.text.partition("(")[0] or name
         raise lowering.error(SAME_ARGUMENT_TWICE, node, frame, name=called)
+    grasped = name != "armReach" or thing.role.endswith("`graspable`")  # which asks for its reach first
+    if grasped and not isinstance(thing, ObjectValue):
+        raise lowering.coerce.wrong(thing, GRASPED, f"the argument `a` of `{name}`")
+    if grasped and isinstance(thing, ObjectValue) and lowering.shapes[thing.index].arm is not None:
+        (problem,) = lowering.coerce.wrong(thing, GRASPED, f"the argument `a` of `{name}`").diagnostics
+        raise SpecError(problem.but(found="a robot"))
     if name == "armReach":
         depth = _depth(lowering, values["depth"], node, frame)
         return NumberValue(_room_to_reach(lowering, thing, base, arm, depth, node, frame), LENGTH, origin=origin)
-    if not isinstance(thing, ObjectValue) or lowering.shapes[thing.index].arm is not None:
-        raise lowering.coerce.wrong(thing, "an object that a hand can grasp", f"the argument `a` of `{name}`")
+    assert isinstance(thing, ObjectValue)
     if name == "yaws":
         numbers = (lowering.builder.const(yaw) for yaw in _fitting_yaws(lowering.coerce.covers(thing.index), arm))
         return ListValue(tuple(NumberValue(one, ANGLE, origin=origin) for one in numbers), origin=origin)

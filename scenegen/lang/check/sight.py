@@ -187,6 +187,8 @@ def sight_function(lowering: Lowering, name: str, values: list[Value], node: ast
     else:
         lowering.seen[thing, seer.camera.name] = None
         number = share_of(lowering, thing, seer.camera)
+        if number is not None and not _hiders(lowering, thing) and lowering.builder.value(number) == 1.0:
+            lowering.alone[lowering.builder.objects[thing]] = None
     if number is None:
         raise lowering.error(TOO_MANY_CASES, node, frame, limit=MOST_CASES)
     if lowering.builder.value(number) is None:

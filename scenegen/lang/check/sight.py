@@ -89,6 +89,8 @@ def _place(lowering: Lowering, node: ast.Expr, source: Source, what: str) -> Spa
 
 def camera_clash(lowering: Lowering, fixed: Mapping[int, Pose]) -> list[Diagnostic]:
     """A diagnostic for each camera inside of an object that does not move, or of a board."""
+    if not lowering.cameras:
+        return []
     solid: list[tuple[str, Footprint, Pose, float, float]] = []
     for which, pose in fixed.items():
         low, shape = lowering.heights[which] if lowering.heights else 0.0, lowering.shapes[which]

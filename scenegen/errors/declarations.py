@@ -187,7 +187,7 @@ CONSTANT_LABEL = Kind(
     ("`{name}` is constant", "what `require` demands is the same in every scene"),
     ("{name:?}its value is the same in every scene", "no free object takes part"),
     ("{name:?}say something about the objects, for instance: leftOf(mug, plate)", "leave it out"),
-    "[[held in place by `at`: {held:list}]]",
+    "[[held in place by `at`: {held:list}]][[there is nothing that can hide {alone:quoted}]]",
 )
 IMPOSSIBLE_REQUIREMENT = Kind(
     "impossible-requirement", "this can never hold", "no scene meets it", ("{meant}", "remove it")

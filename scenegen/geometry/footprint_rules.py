@@ -10,7 +10,7 @@ import numpy as np
 
 from scenegen.arrays import Array
 from scenegen.geometry import clearance, shadow, share
-from scenegen.geometry.footprint import Circle, Footprint, Measures, PlacedBox, half_width, measures
+from scenegen.geometry.footprint import POINT, Box, Circle, Footprint, Measures, PlacedBox, half_width, measures
 from scenegen.geometry.interval import (
     EPS,
     Interval,
@@ -365,11 +365,14 @@ UNDECIDED_SIGN = 1e-9  # metres: clearances nearer to zero may have either sign,
 
 
 def visible_share(*given: Any) -> Interval:
-    _, numbers = share.parts_of(given)
+    shapes, numbers = share.parts_of(given)
     gaps = numbers[share.BODY + share.CAMERA + share.OTHER - 1 :: share.OTHER]
     least = minimum(*gaps)
     lo, hi = (1.0 + np.maximum(end, 0.0) / share.CLEARANCE_OF_ALL for end in least)
     lo = np.where(least.lo < 0.0, -1.0, lo)
+    for number, shape in enumerate(shapes[1:]):
+        start = share.BODY + share.CAMERA + number * share.OTHER
+        hi = np.where((gaps[number].hi < 0.0) & _has_eye(shape, numbers, start), -1.0, hi)
     places = [
         part
         for at, part in enumerate(numbers)
@@ -384,6 +387,15 @@ def visible_share(*given: Any) -> Interval:
         lo, hi = (np.array(np.broadcast_to(end, exact.shape)) for end in (lo, hi))
         lo[exact] = hi[exact] = share.visible_share(NUMPY, *given[: len(given) - len(numbers)], *middles)
     return Interval(lo - SHARE_ROUNDING, hi + SHARE_ROUNDING)
+
+
+def _has_eye(shape: Footprint, numbers: list[Interval], start: int) -> Any:
+    """Whether the eye is inside of another body, whatever the pose: of those whose edges are long."""
+    if not isinstance(shape, Circle | Box):
+        return False
+    (x, y, theta, low, top), (eye_x, eye_y, eye_z) = numbers[start : start + 5], numbers[share.BODY : share.BODY + 3]
+    within = gap(shape, POINT, x, y, theta, eye_x, eye_y, Interval(0.0 * x.lo, 0.0 * x.lo)).hi < -share.LEAST_DEPTH
+    return within & (low.hi < eye_z.lo) & (top.lo > eye_z.hi)
 
 
 def back_share(*given: Any) -> Intervals:

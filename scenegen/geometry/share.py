@@ -7,7 +7,8 @@ what is seen of it is what the union of the others leaves. A body covers another
 no part.
 
 So that there is a slope everywhere, the share goes on: beyond 1 by the clearance to the nearest shadow, where nothing
-is covered, and below 0, to -1 at most, by how far the silhouette is inside of a body that covers all of it.
+is covered, and below 0, to -1 at most, by how far the silhouette is inside of a body that covers all of it. It is -1
+where the eye is inside of a body.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from scenegen.geometry.namespace import Namespace
 SIGHT_LINES = 32  # of a picture, from left to right, on which a silhouette is measured
 CLEARANCE_OF_ALL = 0.1  # metres of clearance that count as much as a whole silhouette
 LEAST = 1e-9  # of what is divided by: lengths in metres, and of directions
+LEAST_INSIDE = 1e-12  # square metres: a tiny bit, whatever the rounding
 LEAST_DEPTH = 1e-3  # metres ahead of the eye: what is nearer is taken to be so far away
 
 BODY, CAMERA, OTHER = 5, 7, 6
@@ -163,7 +165,21 @@ class _Body:
             ends.append(((z >= self.levels[0]) & (z <= self.levels[1]) & (way > LEAST) & real, x / scale, x / scale))
         lows = [ns.where(hit, left, 0.0 * left + BESIDE_ALL) for hit, left, _ in ends]
         highs = [ns.where(hit, right, 0.0 * right - BESIDE_ALL) for hit, _, right in ends]
-        return reduce(ns.minimum, lows), reduce(ns.maximum, highs)
+        low, high = reduce(ns.minimum, lows), reduce(ns.maximum, highs)
+        around = (low == low) & self._has_eye()
+        return ns.where(around, 0.0 * low - BESIDE_ALL, low), ns.where(around, 0.0 * high + BESIDE_ALL, high)
+
+    def _has_eye(self) -> Any:
+        """Whether the eye is inside of it."""
+        (low, high), points = self.levels, self.points
+        around = (low < 0.0) & (high > 0.0)
+        if isinstance(self.shape, Circle):
+            square = self.view.ahead_x**2 + self.view.ahead_y**2  # 1 but for rounding
+            room = self.shape.radius**2 * square - self.right**2 - self.ahead**2
+            return around & (room > LEAST_INSIDE)
+        for (x, y), (u, v) in zip(points, [*points[1:], points[0]], strict=True):
+            around = around & (x * v - y * u > LEAST_INSIDE)
+        return around
 
     def _chords(self, y: Any) -> list[tuple[Any, Any, Any]]:
         """Where lines at y, from left to right, cross the footprint's edges: whether they do, and the ends."""
@@ -213,7 +229,7 @@ def _share(ns: Namespace, shapes: Sequence[Footprint], numbers: Sequence[Any]) -
     right = left + width
     total = _sum_lines(width)
     size = ns.maximum(total, 0.0 * total + LEAST)
-    starts, ends, depth = [], [], 0.0 * total
+    starts, ends, depth, around = [], [], 0.0 * total, total < 0.0
     for number, shape in enumerate(shapes[1:]):
         at = BODY + CAMERA + number * OTHER
         sizes = _sizes(shape)
@@ -225,6 +241,7 @@ def _share(ns: Namespace, shapes: Sequence[Footprint], numbers: Sequence[Any]) -
 
         numbers_of = (*numbers[at : at + BODY], *numbers[BODY : BODY + CAMERA], rows, *sizes)
         begin, end = ns.only(numbers[at + BODY] < 0.0, slices, (BESIDE_ALL, -BESIDE_ALL), *numbers_of)
+        around = around | ((begin[0] <= -BESIDE_ALL) & (end[0] >= BESIDE_ALL))
         slack = ns.minimum(left - begin, end - right)
         inside = reduce(ns.minimum, list(slack)) * (SIGHT_LINES / size)
         inside = ns.maximum(inside, 0.0 * inside)
@@ -232,7 +249,8 @@ def _share(ns: Namespace, shapes: Sequence[Footprint], numbers: Sequence[Any]) -
         begin, end = ns.minimum(ns.maximum(begin, left), right), ns.minimum(ns.maximum(end, left), right)
         starts.append(begin)
         ends.append(ns.maximum(end, begin))
-    return 1.0 - _sum_lines(_union(ns, starts, ends)) / size - depth
+    share = 1.0 - _sum_lines(_union(ns, starts, ends)) / size - depth
+    return ns.where(around, 0.0 * share - 1.0, share)
 
 
 def _sum_lines(lengths: Any) -> Any:

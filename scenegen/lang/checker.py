@@ -322,7 +322,7 @@ def _labels(draft: Draft) -> dict[str, int]:
             labels[name] = draft.lowering.coerce.formula(value, f"`{name}`")
     for name, source, formula in formulas:
         if labels.get(name, 0) < 0 and not problems:
-            problems.append(CONSTANT_LABEL(formula.span(source), name=name))
+            problems.append(CONSTANT_LABEL(formula.span(source), name=name, alone=list(draft.lowering.alone)))
     return labels
 
 

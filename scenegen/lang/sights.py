@@ -15,6 +15,7 @@ import numpy.typing as npt
 from scenegen.arrays import Array
 from scenegen.errors import Source, SpecError
 from scenegen.geometry import NUMPY
+from scenegen.lang.check.heights import boards_of
 from scenegen.lang.check.lowering import Lowering
 from scenegen.lang.check.sight import room_of, share_of
 from scenegen.lang.checker import check_module
@@ -23,7 +24,7 @@ from scenegen.lang.formula.interpret import evaluate
 from scenegen.lang.spec import CheckedSpec
 from scenegen.lang.syntax.parse import parse
 
-MOST_HIDERS = 1_000  # pairs of objects over all cameras: beyond, only shares that formulas ask for are measured
+MOST_HIDERS = 1_000  # pairs of what is seen and what hides: beyond, only shares that formulas ask for are measured
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +72,8 @@ class Sights:
         things = [one for one, shape in enumerate(lowering.shapes) if shape.arm is None]
         cameras = lowering.cameras
         wanted = list(lowering.seen)
-        if not wanted and len(things) * len(lowering.shapes) * len(cameras) <= MOST_HIDERS:
+        hiders = len(lowering.shapes) + len(boards_of(lowering))
+        if not wanted and len(things) * hiders * len(cameras) <= MOST_HIDERS:
             wanted = [(thing, name) for name in cameras for thing in things]
         labels: dict[str, int] = {}
         for thing, name in wanted:

@@ -23,8 +23,9 @@ from scenegen.lang.formula.core import Core, part_of
 from scenegen.lang.formula.interpret import phi
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import object_count, span_of
-from scenegen.sampling.request import Range, parse_phi
+from scenegen.sampling.request import LENGTH_UNITS, Range, parse_phi
 
+MARGIN_USAGE = "a margin is a length: write a range such as 0.01:, in metres, or with units: 1cm:"
 FITS = Range(0.0)  # the margins of a grasp that is clear of everything, and in reach
 
 
@@ -72,7 +73,9 @@ def robots_of(spec: CheckedSpec) -> tuple[str, ...]:
 def parse_grasp(text: str) -> dict[str, Range]:
     """`--grasp` as typed: "arm", or "arm=0.01:" with a range of the margin. Raises RequestError with a caret."""
     name, equals, _ = text.partition("=")
-    return parse_phi([text], [name.strip()], "grasp") if equals else {text: FITS}
+    if not equals:
+        return {text: FITS}
+    return parse_phi([text], [name.strip()], "grasp", LENGTH_UNITS, MARGIN_USAGE)
 
 
 def movable_things(spec: CheckedSpec, robot: str) -> list[int]:
@@ -80,7 +83,7 @@ def movable_things(spec: CheckedSpec, robot: str) -> list[int]:
     no robot's, and where nothing can be moved."""
     robots = robots_of(spec)
     if robot not in robots:
-        raise RequestError(NO_ROBOT(name=robot, known=robots))
+        raise RequestError(NO_ROBOT(name=robot or '""', known=robots))
     lowest, highest = spec.box()
     things = [
         which

@@ -48,7 +48,8 @@ EVEN_CANDIDATES = 16  # scenes that are drawn for each that is chosen by `even`
 MAX_EVEN = 4096  # scenes that are chosen by `even`: the time grows with their square
 MAX_PHI = 1e12
 MAX_SEED = 2**63 - 1
-PHI_UNITS = ("", "m", "cm", "mm", "rad", "deg")
+LENGTH_UNITS = ("", "m", "cm", "mm")
+PHI_UNITS = (*LENGTH_UNITS, "rad", "deg")
 RANGE_FORM = {"what": "a range", "form": "LO:HI, LO: or :HI"}
 RATE_USAGE = "write a range of rates such as 0.4:0.6 or 40%:60%"
 PHI_USAGE = "write a range such as 0.05:0.2, in metres and radians, or with units: 5cm:20cm"
@@ -90,7 +91,13 @@ class FixedPose:
     span: Span | None = field(default=None, compare=False, repr=False)
 
 
-def parse_phi(options: Sequence[str], labels: Sequence[str], argument: str = "phi") -> dict[str, Range]:
+def parse_phi(
+    options: Sequence[str],
+    labels: Sequence[str],
+    argument: str = "phi",
+    units: Collection[str] = PHI_UNITS,
+    usage: str = PHI_USAGE,
+) -> dict[str, Range]:
     """The ranges of `--phi` options as typed, e.g. ["task=0.05:0.2", "safe=0:"]; `argument` is the option's name.
     Raises RequestError with a caret."""
     phi: dict[str, Range] = {}
@@ -109,7 +116,7 @@ def parse_phi(options: Sequence[str], labels: Sequence[str], argument: str = "ph
             raise RequestError(UNKNOWN_LABEL(here, name=name, known=labels))
         if name in phi:
             raise RequestError(GIVEN_TWICE(here, what=f"the range of `{name}`"))
-        phi[name] = _parse_range(rest, source, offset)
+        phi[name] = _parse_range(rest, source, offset, units, usage)
     return phi
 
 

@@ -70,6 +70,10 @@ def _see(values, rng):
     for low in (3, 15):
         values[low + 1] = values[low] + np.abs(values[low + 1]) + 0.01
     values[7] = 0.5 + np.abs(values[7])
+    some = slice(-(values.shape[1] // 8), None)  # of which most have it where the other body is, some inside of that
+    values[5:7, some] = values[12:14, some] + values[3:5, some] / 8.0
+    values[7, some] = 0.3
+    values[16, some] += 0.5
     level, down = rng.uniform(-math.pi, math.pi, size=values.shape[1]), rng.uniform(0.1, 1.5, size=values.shape[1])
     values[8:10], values[10:12] = (np.cos(level), np.sin(level)), (np.sin(down), np.cos(down))
 

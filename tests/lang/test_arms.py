@@ -222,6 +222,28 @@ def test_what_is_wrong(text):
     assert problem.kind.code == WRONG[text] and problem.span is not None
 
 
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("robot a[2] = panda\nobject can\ntask: graspable(a[1], a[2])", "a robot"),
+        ("robot a = panda\nobject can[2]\ntask: graspable(can, a)", "a list"),
+        ("robot a = panda\nobject can\ntask: graspable(workspace, a)", "a region"),
+        ("robot a[2] = panda\nobject can\ntask: armClear(a[1], a[2])", "a robot"),
+    ],
+)
+def test_what_no_hand_grasps(text, found):
+    with pytest.raises(SpecError, match=f"must be an object that a hand can grasp, not {found}"):
+        check_text(text)
+
+
+def test_all_that_a_file_lacks_is_one_diagnostic(tmp_path):
+    (tmp_path / "empty.toml").write_text("")
+    with pytest.raises(SpecError) as caught:
+        check_file(tmp_path / "one.spec", b'robot a = arm("empty.toml")\nobject can\ntask: reachable(can, a)')
+    (problem,) = caught.value.diagnostics
+    assert "no table [base]; it has no table [hand]; " in problem.title
+
+
 def test_files_of_arms():
     assert "panda" in shipped_arms()
     assert read_arm(grammar_file("arms/panda.toml").read_bytes()) == shipped_arm("panda")

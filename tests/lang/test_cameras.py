@@ -93,6 +93,91 @@ def test_a_camera_straight_above():
     assert phi(core, [0.5, 0.5, 0.0, 0.7, 0.5, 0.0])["task"] == pytest.approx(0.2 - 0.05 - 0.05 * 2 / 1.95)
 
 
+def test_a_share_of_what_is_alone_is_constant_and_why_is_said():
+    with pytest.raises(scenegen.errors.SpecError, match="there is nothing that can hide `mug`"):
+        check_text(CAMERA + "object mug\ntask: visible(mug, front, 30 %, 50 %)")
+
+
+@pytest.mark.parametrize("crate", ["box(20 cm, 20 cm, 80 cm)", "cylinder(10 cm, 80 cm)", "prism"])
+def test_a_body_around_the_camera_hides_all(crate):
+    """Also what is behind the camera."""
+    shape = "prism([(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)], 80 cm)" if crate == "prism" else crate
+    text = CAMERA.replace("-0.6", "0.3") + f"object mug = cylinder(4 cm, 9 cm), crate = {shape}\n"
+    text += "clear: unhidden(mug, front)\nshare: visibleShare(mug, front) >= 0"
+    core = check_text(text).core
+    rows = np.random.default_rng(0).uniform(size=(6, 500))
+    rows[3], rows[4] = 0.35, 0.25  # beside it
+    outside = phi(core, list(rows), NUMPY)
+    assert (outside["share"] >= 0.0).mean() > 0.7
+    rows[3], rows[4] = 0.52, 0.33
+    inside = phi(core, list(rows), NUMPY)
+    assert (inside["share"] == -1.0).all() and (inside["clear"] < 0.0).all()
+
+
+@pytest.mark.parametrize("pose", [(0.5, 0.1, 0.0), (0.55, 0.1, 0.5)])
+def test_scenes_with_a_camera_in_what_is_held_around_it_are_proved_away(pose):
+    spec = scenegen.parse(
+        "camera front = at (0.5, 0.1, 0.1) looks at (0.5, 0.6, 0) fov 60 deg, 4:3\n"
+        "object crate = box(20 cm, 20 cm, 20 cm), mug = cylinder(4 cm, 9 cm)\ntask: visible(mug, front, 50 %)"
+    )
+    with pytest.raises(scenegen.errors.RequestError, match="no scene can have phi"):
+        scenegen.sample(spec, {"task": (0.0, None)}, fix={"crate": pose}, n=1)
+
+
+BOARD = """camera top = at (0.5, 0.5, 1) looks at (0.5, 0.5, 0) fov 60 deg, 1:1
+camera low = at (0.5, -0.5, 0.05) looks at (0.5, 0.5, 0.05) fov 40 deg, 1:1
+region shelf = rect(0.4, 0.4, 0.6, 0.6) at 20 cm
+"""
+
+
+def test_a_board_hides_what_is_below_it():
+    core = check_text(
+        BOARD + "object can = cylinder(3 cm, 10 cm)\nclear: unhidden(can, top)\nshare: visibleShare(can, top) >= 0\n"
+        "own: shadowGap(can, shelf, top) >= 0"
+    ).core
+    rows = np.array([[0.5, 0.5 + 0.1 / 0.8 - 0.03, 0.8], [0.5] * 3, [0.0] * 3])
+    found = phi(core, list(rows), NUMPY)
+    # the table is 1 m below the eye and the top of the board 0.8 m
+    assert found["clear"] == pytest.approx([-0.1 / 0.8 - 0.03, -0.06, 0.3 - 0.1 / 0.8 - 0.03])
+    assert np.array_equal(found["clear"], found["own"])
+    assert found["share"][0] < 0.0 and found["share"][2] == pytest.approx(1.0 + found["clear"][2] / 0.1)
+    # at the height of its top the edge hides up to 0.1125 m: what is left of the disc around 0.095 m is a segment, of
+    # a silhouette that is the hull of this disc and the lower one, which is 0.9 times as large from there
+    angle = 2.0 * math.acos(0.0175 / 0.03)
+    silhouette = math.pi / 2.0 * (0.03**2 + 0.027**2) + (0.03 + 0.027) * 0.0095
+    assert found["share"][1] == pytest.approx(0.03**2 / 2.0 * (angle - math.sin(angle)) / silhouette, abs=0.005)
+
+
+def test_a_board_hides_what_stands_on_it_from_below_alone():
+    text = BOARD + "object can = cylinder(3 cm, 10 cm) on any of [workspace, shelf]\n"
+    text += "above: unhidden(can, top)\nbelow: unhidden(can, low)\nshare: visibleShare(can, low) >= 0"
+    core = check_text(text).core
+    # the switch of the surface is the last object's x: at the ends of its range are both surfaces
+    rows = np.array([[0.5, 0.5], [0.5, 0.5], [0.0, 0.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0]])
+    found = phi(core, list(rows), NUMPY)
+    assert (found["above"] >= 0.0).tolist() == [False, True]
+    assert (found["below"] >= 0.0).tolist() == [True, False]
+    assert found["share"][0] >= 1.0 > found["share"][1] > 0.0  # its foot is behind the edge of the board
+
+
+def test_boards_are_hiders_and_flat_regions_are_none():
+    text = BOARD + "region mat = rect(0, 0, 0.3, 0.3)\nobject can, mug\n"
+    core = check_text(text + "task: forall q in hiders(can): shadowGap(can, q, top) >= 0").core
+    other = check_text(text + "task: shadowGap(can, mug, top) >= 0 & shadowGap(can, shelf, top) >= 0").core
+    rows = scenes(200, objects=2)
+    assert np.array_equal(*(phi(one, list(rows), NUMPY)["task"] for one in (core, other)))
+    with pytest.raises(scenegen.errors.SpecError, match="a region at a height"):
+        check_text(text + "task: shadowGap(can, mat, top) >= 0")
+
+
+def test_a_camera_inside_a_board_is_refused():
+    text = "camera top = at (0.5, 0.5, 0.195) looks at (0.5, 0.5, 0) fov 60 deg, 1:1\n"
+    text += "region shelf = rect(0.4, 0.4, 0.6, 0.6) at {}\nobject can\ntask: inView(can, top)"
+    with pytest.raises(scenegen.errors.SpecError, match="`shelf`"):
+        check_text(text.format("20 cm"))
+    assert check_text(text.format("19 cm")).labels == ("task",)
+
+
 def test_the_view_is_that_of_pictures():
     """A body is in view where all of its corners fall into the picture of the renderer's camera."""
     rows = scenes(400)

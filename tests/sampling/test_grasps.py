@@ -12,6 +12,7 @@ from scenegen.errors import RequestError
 from scenegen.geometry import MATH
 from scenegen.lang.formula.interpret import phi
 from scenegen.pose import as_rows
+from scenegen.sampling.grasps import movable_things, parse_grasp
 
 TEXT = """workspace [-0.2, 0.2] x [-0.2, 0.2]
 object cube = box(4 cm, 4 cm, 4 cm), bar = box(9 cm, 3 cm, 4 cm), post[2] = cylinder(4 cm, 9 cm)
@@ -157,6 +158,7 @@ task: forall c in can: leftOf(mug, c)
     [
         (TEXT, "amr", "no-robot"),
         (TEXT, "cube", "no-robot"),
+        (TEXT, "", "no-robot"),
         ("object mug, plate\ntask: leftOf(mug, plate)\n", "arm", "no-robot"),
         ("object mug at (0.5, 0.5)\nrobot arm = panda\ntask: leftOf(mug, arm)\n", "arm", "nothing-to-grasp"),
         (TEXT, 3, "wrong-value"),
@@ -168,3 +170,11 @@ def test_bad_grasps_are_one_diagnostic(text, grasp, code):
     with pytest.raises(RequestError) as raised:
         scenegen.pairs(scenegen.parse(text), n=64, moved=1, grasp=grasp)
     assert [one.code for one in raised.value.diagnostics] == [code]
+
+
+def test_a_name_that_is_none_and_a_margin_that_is_no_length():
+    with pytest.raises(RequestError, match='`""` is no robot of the spec'):
+        movable_things(scenegen.parse(TEXT).checked, "")
+    with pytest.raises(RequestError, match="a margin is a length"):
+        parse_grasp("arm=1deg:")
+    assert parse_grasp("arm=1cm:")["arm"].low == 0.01

@@ -24,7 +24,7 @@ from scenegen.geometry import MATH, Footprint
 from scenegen.geometry.clearance import reach
 from scenegen.geometry.footprint import Box, PlacedBox, place_box
 from scenegen.geometry.primitives import ANGLE, BARE, LENGTH
-from scenegen.lang.check.heights import MOST_CASES, ROUNDING, by_cases, height_in, level, pieces_of, pose_of
+from scenegen.lang.check.heights import MOST_CASES, ROUNDING, boards_of, by_cases, height_in, level, pieces_of, pose_of
 from scenegen.lang.check.names import bind
 from scenegen.lang.check.regions import SIGNATURES
 from scenegen.lang.check.values import (
@@ -62,6 +62,7 @@ BEHIND_PREFIX = "behind_"  # before the names of what the ring behind the base h
 QUARTERS = 0.0, math.pi, math.pi / 2.0, -math.pi / 2.0  # directions from that away from the base
 HeightCases = Callable[[Callable[[float], float]], int]
 """A function of the height above the base at which the fingers close -> a number of the core."""
+GRASPED = "an object that a hand can grasp"
 YAWS = 12  # at which a hand is tried, evenly over half a turn: turned by half a turn it is the same
 
 
@@ -84,8 +85,8 @@ def arm_shape(lowering: Lowering, expr: ast.Expr, source: Source, project: Proje
             return _base_of(_inline_arm(lowering, path.value, given, source), path.value)
         return _base_of(read_arm(project.read(path.value.replace("\\", "/"), path.span(source), "an arm")), path.value)
     except ArmError as error:
-        problems = (UNUSABLE_ARM(path.span(source), path=path.value, reason=reason) for reason in error.reasons)
-        raise SpecError(*problems) from None
+        reason = "; ".join(error.reasons)
+        raise SpecError(UNUSABLE_ARM(path.span(source), path=path.value, reason=reason)) from None
 
 
 def _base_of(arm: Arm, path: str) -> Shape:
@@ -152,11 +153,16 @@ def arm_function(lowering: Lowering, name: str, values: Mapping[str, Value], nod
     if thing == robot:
         called = frame.text.partition("(")[0] or name
         raise lowering.error(SAME_ARGUMENT_TWICE, node, frame, name=called)
+    grasped = name != "armReach" or thing.role.endswith("`graspable`")  # which asks for its reach first
+    if grasped and not isinstance(thing, ObjectValue):
+        raise lowering.coerce.wrong(thing, GRASPED, f"the argument `a` of `{name}`")
+    if grasped and isinstance(thing, ObjectValue) and lowering.shapes[thing.index].arm is not None:
+        (problem,) = lowering.coerce.wrong(thing, GRASPED, f"the argument `a` of `{name}`").diagnostics
+        raise SpecError(problem.but(found="a robot"))
     if name == "armReach":
         depth = _depth(lowering, values["depth"], node, frame)
         return NumberValue(_room_to_reach(lowering, thing, base, arm, depth, node, frame), LENGTH, origin=origin)
-    if not isinstance(thing, ObjectValue) or lowering.shapes[thing.index].arm is not None:
-        raise lowering.coerce.wrong(thing, "an object that a hand can grasp", f"the argument `a` of `{name}`")
+    assert isinstance(thing, ObjectValue)
     if name == "yaws":
         numbers = (lowering.builder.const(yaw) for yaw in _fitting_yaws(lowering.coerce.covers(thing.index), arm))
         return ListValue(tuple(NumberValue(one, ANGLE, origin=origin) for one in numbers), origin=origin)
@@ -378,7 +384,6 @@ def _obstacles(lowering: Lowering, which: int, base: int) -> Iterator[tuple[Foot
         if other not in (which, base):
             for outline, _, high in pieces_of(lowering, other, 0.0):
                 yield outline, pose_of(lowering, other), _sum(lowering, level(lowering, other), high)
-    for name, area in lowering.areas.items():
-        if name != "workspace" and area.z > 0.0:
-            place = (*map(builder.const, area.center), builder.const(0.0))
-            yield area.footprint, place, builder.const(area.z)
+    for area in boards_of(lowering).values():
+        place = (*map(builder.const, area.center), builder.const(0.0))
+        yield area.footprint, place, builder.const(area.z)

@@ -23,7 +23,6 @@ from scenegen.errors.language import (
 )
 from scenegen.geometry import Circle, Footprint
 from scenegen.geometry.primitives import BARE, LENGTH
-from scenegen.geometry.workspace import BOARD
 from scenegen.lang.check.values import (
     CORNERS,
     MEMBERS,
@@ -168,11 +167,16 @@ def height_function(lowering: Lowering, name: str, values: list[Value], node: as
 def _bodies(lowering: Lowering, value: Value) -> Value:
     """A list of objects and, as boards, the regions at a height; where there are none, the very list."""
     items = lowering.coerce.items(value, "the argument of `bodies`")
-    boards = [RegionValue(name, area, origin=value.origin) for name, area in lowering.areas.items() if area.z > 0.0]
+    boards = [RegionValue(name, area, origin=value.origin) for name, area in boards_of(lowering).items()]
     key = ("bodies", key_of(value))
     if boards and key not in lowering.expansions:
         lowering.expansions[key] = (ListValue((*items, *boards), origin=value.origin), [value])
     return lowering.expansions[key][0] if boards else value
+
+
+def boards_of(lowering: Lowering) -> dict[str, Area]:
+    """The regions at a height."""
+    return {name: area for name, area in lowering.areas.items() if area.z > 0.0}
 
 
 def surface_values(
@@ -296,7 +300,7 @@ def _from_board(lowering: Lowering, which: int, area: Area) -> int:
         beside = builder.apply("gap", (*pose_of(lowering, which), *place), (shape, area.footprint))
         bottom, top = (builder.apply("add", (base, builder.const(one))) for one in (low, high))
         over = builder.apply("sub", (bottom, builder.const(area.z)))
-        under = builder.apply("sub", (builder.const(area.z - min(BOARD, area.z)), top))
+        under = builder.apply("sub", (builder.const(area.underside), top))
         clearances.append(builder.apply("max", (beside, over, under)))
     return clearances[0] if len(clearances) == 1 else builder.apply("min", clearances)
 

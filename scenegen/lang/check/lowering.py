@@ -123,6 +123,7 @@ class Lowering(ABC):
         self.calls: dict[int, list[tuple[str, ast.Expr, str]]] = {}
         self.named_in: dict[int, set[str]] = {}  # the names in a quantifier
         self.seen: dict[tuple[int, str], None] = {}  # objects and cameras of shares that formulas ask for
+        self.alone: dict[str, None] = {}  # objects of whose shares formulas ask where nothing can hide them
         self.hands: dict[tuple[int, int, float, float], int] = {}  # object, robot, yaw and depth of a hand: its room
 
     def spend(self, steps: int, frame: CallFrame) -> None:

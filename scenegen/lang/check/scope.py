@@ -166,7 +166,8 @@ HEIGHTS = {
 }
 
 SIGHT = {
-    "hiders": "what can hide a from a camera, as a list: all other objects, without what a always stands on",
+    "hiders": "what can hide a from a camera, as a list: all other objects, without what a always stands on, "
+    "and all regions at a height, as boards",
     "viewRoom": "how far a's body is inside what a camera pictures, to the nearest side of that; metres",
     "shadowGap": "the clearance of a and what b hides from a camera; where b hides some of a, by how far; metres",
     "visibleShare": "the share of a's silhouette, seen from a camera, that nothing nearer covers; 1 is all of it, "

@@ -21,12 +21,21 @@ from scenegen.errors.declarations import (
     WRONG_SHARES,
 )
 from scenegen.errors.language import NOT_CONSTANT, SAME_ARGUMENT_TWICE, WRONG_UNIT
-from scenegen.geometry import MATH, POINT, PRIMITIVES
+from scenegen.geometry import MATH, POINT, PRIMITIVES, Footprint
 from scenegen.geometry.primitives import ANGLE, BARE, LENGTH, SHARE, Unit
 from scenegen.geometry.workspace import MAX_COORDINATE
-from scenegen.lang.check.heights import MOST_CASES, by_cases, height_in, level, pose_of
+from scenegen.lang.check.heights import MOST_CASES, boards_of, by_cases, height_in, level, pose_of
 from scenegen.lang.check.scope import Declared
-from scenegen.lang.check.values import AnyValue, CallFrame, CameraValue, ListValue, NumberValue, ObjectValue, Value
+from scenegen.lang.check.values import (
+    AnyValue,
+    CallFrame,
+    CameraValue,
+    ListValue,
+    NumberValue,
+    ObjectValue,
+    RegionValue,
+    Value,
+)
 from scenegen.lang.spec import LEVEL, Pose, Space, SpecCamera, Support
 from scenegen.lang.syntax import ast
 from scenegen.things.surfaces import reach_of
@@ -36,6 +45,7 @@ if TYPE_CHECKING:
 
 MOST_ASPECT = 100.0  # of a picture: its longer side over its shorter one
 BESIDE = 10.0  # metres: the clearance from what an object stands on, which is around it, not before it
+Body = int | str  # an object, or the board of a region
 FURTHEST_COPY = 1000.0  # how often a shadow is as large as what casts it; beyond, it is longer than any table
 
 
@@ -78,19 +88,23 @@ def _place(lowering: Lowering, node: ast.Expr, source: Source, what: str) -> Spa
 
 
 def camera_clash(lowering: Lowering, fixed: Mapping[int, Pose]) -> list[Diagnostic]:
-    """A diagnostic for each camera inside of an object that does not move."""
+    """A diagnostic for each camera inside of an object that does not move, or of a board."""
+    if not lowering.cameras:
+        return []
+    solid: list[tuple[str, Footprint, Pose, float, float]] = []
+    for which, pose in fixed.items():
+        low, shape = lowering.heights[which] if lowering.heights else 0.0, lowering.shapes[which]
+        if low is not None:
+            solid.append((lowering.builder.objects[which], shape.footprint, pose, low, low + shape.height))
+    for board, area in boards_of(lowering).items():
+        solid.append((board, area.footprint, (*area.center, 0.0), area.underside, area.z))
     problems = []
     for name, declared in lowering.scope.cameras.items():
         x, y, z = lowering.cameras[name].eye
-        for which, pose in fixed.items():
-            low = lowering.heights[which] if lowering.heights else 0.0
-            shape = lowering.shapes[which]
-            if low is None or not low < z < low + shape.height:
-                continue
-            if PRIMITIVES["gap"].evaluate(MATH, shape.footprint, POINT, *pose, x, y, 0.0) < 0.0:
+        for thing, footprint, pose, low, high in solid:
+            if low < z < high and PRIMITIVES["gap"].evaluate(MATH, footprint, POINT, *pose, x, y, 0.0) < 0.0:
                 assert isinstance(declared.statement, ast.CameraDeclaration)
-                here = declared.statement.eye.span(declared.source)
-                problems.append(WRONG_CAMERA(here, thing=lowering.builder.objects[which]))
+                problems.append(WRONG_CAMERA(declared.statement.eye.span(declared.source), thing=thing))
                 break
     return problems
 
@@ -149,25 +163,34 @@ def sight_function(lowering: Lowering, name: str, values: list[Value], node: ast
     if name == "hiders":
         if not isinstance(values[0], ObjectValue):
             raise lowering.coerce.wrong(values[0], "an object", "the argument of `hiders`")
-        hiders = _hiders(lowering, values[0].index)
-        return ListValue(tuple(ObjectValue(one, origin=origin) for one in hiders), origin=origin)
-    *things, seer = values
-    which = []
-    for value in things:
-        if not isinstance(value, ObjectValue):
-            raise lowering.coerce.wrong(value, "an object", f"an argument of `{name}`")
-        which.append(value.index)
+        things = [ObjectValue(one, origin=origin) for one in _hiders(lowering, values[0].index)]
+        boards = [RegionValue(one, area, origin=origin) for one, area in boards_of(lowering).items()]
+        return ListValue((*things, *boards), origin=origin)
+    *bodies, seer = values
+    which: list[Body] = []
+    for place, value in enumerate(bodies):
+        if isinstance(value, ObjectValue):
+            which.append(value.index)
+        elif isinstance(value, RegionValue) and value.area.z > 0.0 and place == 1:
+            which.append(value.name)
+        else:
+            wanted = "an object, or a region at a height" if place == 1 else "an object"
+            raise lowering.coerce.wrong(value, wanted, f"an argument of `{name}`")
+    thing = which[0]
+    assert isinstance(thing, int)
     if not isinstance(seer, CameraValue):
         raise lowering.coerce.wrong(seer, "a camera", f"the last argument of `{name}`")
     if name == "viewRoom":
-        return NumberValue(room_of(lowering, which[0], seer.camera), LENGTH, origin=origin)
+        return NumberValue(room_of(lowering, thing, seer.camera), LENGTH, origin=origin)
     if name == "shadowGap":
-        if which[0] == which[1]:
+        if thing == which[1]:
             raise lowering.error(SAME_ARGUMENT_TWICE, node, frame, name=name)
-        number = _shadow(lowering, which[0], which[1], seer.camera)
+        number = _shadow(lowering, thing, which[1], seer.camera)
     else:
-        lowering.seen[which[0], seer.camera.name] = None
-        number = share_of(lowering, which[0], seer.camera)
+        lowering.seen[thing, seer.camera.name] = None
+        number = share_of(lowering, thing, seer.camera)
+        if number is not None and not _hiders(lowering, thing) and lowering.builder.value(number) == 1.0:
+            lowering.alone[lowering.builder.objects[thing]] = None
     if number is None:
         raise lowering.error(TOO_MANY_CASES, node, frame, limit=MOST_CASES)
     if lowering.builder.value(number) is None:
@@ -216,36 +239,51 @@ def _copies(body: tuple[float, float], hiding: tuple[float, float], eye: float) 
     return None
 
 
-def _shadow(lowering: Lowering, which: int, other: int, seer: SpecCamera) -> int | None:
-    """The clearance of a body and what another one hides; where heights alone keep that off, by how much they do. None
-    where choices of supports allow too many cases."""
+def _shadow(lowering: Lowering, which: int, other: Body, seer: SpecCamera) -> int | None:
+    """The clearance of an object and what another body hides; where heights alone keep that off, by how much they do.
+    None where choices of supports allow too many cases."""
     builder = lowering.builder
-    poses = (*pose_of(lowering, which), *pose_of(lowering, other))
-    shapes = (lowering.coerce.covers(which), lowering.coerce.covers(other))
+    poses = (*pose_of(lowering, which), *_pose(lowering, other))
+    outline = lowering.areas[other].footprint if isinstance(other, str) else lowering.coerce.covers(other)
+    shapes = (lowering.coerce.covers(which), outline)
     x, y, eye = seer.eye
 
     def in_case(supports: Mapping[int, Support]) -> int:
-        if _stands_on(which, other, supports):
+        (low, top), (below, above) = (_levels(lowering, one, supports) for one in (which, other))
+        # of what stands on it, a board hides what is seen from below
+        if _stands_on(which, other, supports) and (isinstance(other, int) or eye >= above):
             return builder.const(BESIDE)
-        low, below = height_in(which, supports), height_in(other, supports)
-        top, above = low + lowering.shapes[which].height, below + lowering.shapes[other].height
         found = _copies((low, top), (below, above), eye)
         first, last = found or (1.0, 1.0)
         args = (*poses, *map(builder.const, (x, y, first, last)))
         beside = builder.apply("shadowGap", args, shapes)
         return beside if found else builder.apply("max", (beside, builder.const(max(low - above, below - top))))
 
-    return by_cases(lowering, (which, other), in_case)
+    return by_cases(lowering, [one for one in (which, other) if isinstance(one, int)], in_case)
 
 
-def _stands_on(which: int, other: int, supports: Mapping[int, Support]) -> bool:
-    """Whether an object stands on another one, or on what stands on that, where every support is known."""
+def _pose(lowering: Lowering, body: Body) -> tuple[int, ...]:
+    if isinstance(body, int):
+        return pose_of(lowering, body)
+    return tuple(map(lowering.builder.const, (*lowering.areas[body].center, 0.0)))
+
+
+def _levels(lowering: Lowering, body: Body, supports: Mapping[int, Support]) -> tuple[float, float]:
+    """How high the lowest and the highest point of a body are where every support is known."""
+    if isinstance(body, str):
+        return lowering.areas[body].underside, lowering.areas[body].z
+    low = height_in(body, supports)
+    return low, low + lowering.shapes[body].height
+
+
+def _stands_on(which: int, other: Body, supports: Mapping[int, Support]) -> bool:
+    """Whether an object stands on another body, or on what stands on that, where every support is known."""
     under = supports.get(which)
     while under is not None and under.carrier is not None:
         if under.carrier == other:
             return True
         under = supports.get(under.carrier)
-    return False
+    return under is not None and under.name == other
 
 
 def _hiders(lowering: Lowering, which: int) -> list[int]:
@@ -256,22 +294,27 @@ def _hiders(lowering: Lowering, which: int) -> list[int]:
 
 def share_of(lowering: Lowering, which: int, seer: SpecCamera) -> int | None:
     """The share of a body's silhouette that nothing hides."""
-    builder = lowering.builder
-    others = _hiders(lowering, which)
+    builder, boards = lowering.builder, boards_of(lowering)
+    others: list[Body] = [*_hiders(lowering, which), *boards]
     if not others:
         return builder.const(1.0)
 
-    def body(one: int) -> Sequence[int]:
+    def body(one: Body) -> Sequence[int]:
+        if isinstance(one, str):
+            return (*_pose(lowering, one), builder.const(boards[one].underside), builder.const(boards[one].z))
         low = level(lowering, one)
         return (*pose_of(lowering, one), low, builder.apply("add", (low, builder.const(lowering.shapes[one].height))))
 
+    from scenegen.things.sight import visible_body  # meshes, for the few specs that look
+
     args = [*body(which), *map(builder.const, (*seer.eye, *seer.ahead, *seer.slope))]
+    bodies = [visible_body(lowering.shapes[which])]
     for one in others:
         gap = _shadow(lowering, which, one, seer)
         if gap is None:
             return None
+        if isinstance(one, str) and builder.value(gap) == BESIDE:  # it stands on this board
+            continue
         args += [*body(one), gap]
-    from scenegen.things.sight import visible_body  # meshes, for the few specs that look
-
-    bodies = tuple(visible_body(lowering.shapes[one]) for one in (which, *others))
-    return builder.apply("visibleShare", args, bodies)
+        bodies.append(boards[one].footprint if isinstance(one, str) else visible_body(lowering.shapes[one]))
+    return builder.apply("visibleShare", args, tuple(bodies)) if len(bodies) > 1 else builder.const(1.0)

@@ -48,6 +48,11 @@ class Area:
     z: float = 0.0
 
     @property
+    def underside(self) -> float:
+        """How high the lower side of a board is above the table."""
+        return self.z - min(BOARD, self.z)
+
+    @property
     def footprint(self) -> Footprint:
         """What it covers, in the frame of its centre."""
         left, bottom, right, top = self.box

@@ -104,7 +104,7 @@ def new_suite(
     start: str | None = None,
     placing: Placing = EXACT_PLACING,
     grasp: str | Mapping[str, Ends | Range] | None = None,
-    goal: Range = FITS,
+    goal: Range | None = None,
     timeout: float = 600.0,
     workers: int | None = None,
     told: Told = lambda ended, done, count: None,
@@ -116,18 +116,19 @@ def new_suite(
     `start`. The first line of a spec's opening comment is the instruction; with a label of starts and a comment
     `# reverse: ...` there is a reversed task, too. `placing` says how starts are set by hand: on which grid, and which
     errors they forgive. `grasp`, as of `scenegen.pairs`, leaves the starts from which one thing can be moved to where
-    phi of the label is in the range `goal`, with one grasp; the suite has these goals and grasps. `timeout` seconds are
-    for all of them. The bytes follow from the specs and these arguments, not from `workers`. Raises RequestError,
-    SpecError, DataError and OutputError.
+    phi of the label is in the range `goal`, by default 0 or more, with one grasp; the suite has these goals and grasps.
+    `timeout` seconds are for all of them. The bytes follow from the specs and these arguments, not from `workers`.
+    Raises RequestError, SpecError, DataError and OutputError.
     """
     out = as_path("out", out)
     hold = None if grasp is None else read_grasp(grasp)
     if hold is not None and placing != EXACT_PLACING:
         reason = "whether a grasp forgives errors of placing is not proved"
         raise RequestError(CONFLICTING_ARGUMENTS(one="grasp", other=placing.argument, reason=reason))
-    if hold is None and goal != FITS:
+    if hold is None and goal is not None:
         rule, remedy = "is of goals to which a grasp leads", "say which robot grasps, too"
         raise RequestError(OUT_OF_PLACE(argument="goal", rule=rule, remedy=remedy))
+    goal = FITS if goal is None else goal
     if goal.low is None or goal.low < 0.0:
         raise RequestError(OUT_OF_RANGE(argument="goal", value=str(goal), wanted="0 or more, where the label holds"))
     ranges: Mapping[str, Range] = bands if isinstance(bands, Mapping) else {}

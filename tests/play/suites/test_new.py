@@ -100,6 +100,13 @@ def test_any_other_name_is_one(spec_file, tmp_path):
         assert [one.name for one in check_suite(tmp_path / f"of {name}")] == [f"of {name}"] * 2
 
 
+def test_goals_without_a_grasp_are_refused_whatever_they_are(spec_file, tmp_path):
+    for goal in (Range(0.0), Range(0.01)):
+        with pytest.raises(RequestError) as caught:
+            new_suite([("beside", spec_file)], tmp_path / "goals", goal=goal, n=1, workers=1)
+        assert [one.kind for one in caught.value.diagnostics] == [OUT_OF_PLACE]
+
+
 @pytest.mark.parametrize("names", [["suite"], ["a", "a"], ["a", "a.reverse"]])
 def test_no_file_of_a_suite_is_written_twice(spec_file, tmp_path, names):
     with pytest.raises(RequestError) as caught:

@@ -52,12 +52,7 @@ class GoodEnough:
 
     def holds(self, acceptance: float, used: float) -> bool:
         """Whether a cover of which so much is kept, after so much work, will do."""
-        if acceptance >= GOOD_ACCEPTANCE or used >= self.most:
-            return True
-        return used >= self.least and self.drawing <= acceptance * max(used, STEP_WORK)
-
-
-ONLY_BEST = GoodEnough(math.inf, math.inf)
+        return used >= self.most or (used >= self.least and self.drawing <= acceptance * max(used, STEP_WORK))
 
 
 Apart = tuple[tuple[int, float, float], ...]
@@ -135,7 +130,7 @@ def prune(
     seed: Sequence[int] = (0,),
     tape: Tape | None = None,
     effort: Effort | None = None,
-    enough: GoodEnough = ONLY_BEST,
+    enough: GoodEnough | None = None,
     stands: Collection[Stand] = (),
 ) -> Cover:
     """The cover of the scenes in the box lowest..highest (3N,) at which every wanted formula node lies within its ends.
@@ -155,7 +150,7 @@ def prune(
     while parts:
         weights = _weights(parts)
         expected = sum(weight * part.acceptance for weight, part in zip(weights, parts, strict=True))
-        if enough.holds(expected, effort.used - begun):
+        if expected >= GOOD_ACCEPTANCE or (enough and enough.holds(expected, effort.used - begun)):
             break
         waste = [
             weight * (1.0 - part.acceptance) * (not part.final) for weight, part in zip(weights, parts, strict=True)
@@ -211,7 +206,7 @@ class _Search:
     rng: np.random.Generator
     effort: Effort
     stands: Collection[Stand] = ()
-    enough: GoodEnough = ONLY_BEST
+    enough: GoodEnough | None = None
     grids: Grids = field(default_factory=Grids)
 
     def open_up(self, entries: Sequence[Entry], *, couple: bool = True) -> list[Part]:
@@ -271,8 +266,8 @@ class _Search:
         # A demand that fails often may be tied to others that do not: these come in the second time.
         for loose in LOOSE_SHARES if couple else ():
             more = {one.core for one in atoms if one.node not in self.tape.affine and met[one.core] < loose} - coupling
-            if self.enough.holds(part.acceptance, 0.0):  # a part that will do is not coupled further
-                break
+            if part.acceptance >= GOOD_ACCEPTANCE or (self.enough and self.enough.holds(part.acceptance, 0.0)):
+                break  # a part that will do is not coupled further
             if not more:
                 continue
             coupling |= more

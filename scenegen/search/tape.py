@@ -365,7 +365,9 @@ def make_tape(core: Core, lowest: Array, highest: Array, effort: Effort | None =
         ):
             crowded.add(at)
     batches = make_batches(nodes)
-    middles = frozenset([at for at in nodes_below(nodes, given) if isinstance(nodes[at], Coord)])
+    middles = (
+        frozenset([at for at in nodes_below(nodes, given) if isinstance(nodes[at], Coord)]) if given else frozenset()
+    )
     return Tape(
         nodes, where, algebra.rows, writer.differences, writer.affine, loops, batches, frozenset(crowded), middles
     )

@@ -26,7 +26,7 @@ from scenegen.search.effort import (
     TooMuchError,
     work_per_scene,
 )
-from scenegen.search.prune import MIN_COVER_WORK, ONLY_BEST, Cover, GoodEnough, prune
+from scenegen.search.prune import MIN_COVER_WORK, Cover, GoodEnough, prune
 
 # work of a trial above which another method is worth a try: more than any shipped spec takes, 2 to 3 s
 TRIAL_WORK = 1.4e8
@@ -82,7 +82,7 @@ def make_trial(
     return Trial(cover, hits, tried, effort.used, stages)
 
 
-def _enough(problem: Problem) -> GoodEnough:
+def _enough(problem: Problem) -> GoodEnough | None:
     """Which cover of the whole range, or of a cell, is good enough, if cells are about as common as each other.
 
     Where objects choose among surfaces, covers of many choices get better little by little, and most often few scenes
@@ -95,7 +95,7 @@ def _enough(problem: Problem) -> GoodEnough:
     if problem.spec.priors:
         drawing *= SCORE_SECONDS / BOUND_SECONDS
         return GoodEnough(drawing, 0.0, max(PRIOR_COVER_WORK, PRIOR_COVER_SHARE * drawing))
-    return ONLY_BEST
+    return None
 
 
 def search_longer(problem: Problem, trial: Trial, budget: Budget, most: float = math.inf) -> Trial:
@@ -137,7 +137,7 @@ def make_cover(
     wanted: Mapping[int, tuple[float, float]],
     seed: tuple[int, ...],
     effort: Effort,
-    enough: GoodEnough = ONLY_BEST,
+    enough: GoodEnough | None = None,
 ) -> Cover:
     """A cover of the scenes that meet a demand; see `prune`."""
     return prune(
@@ -188,7 +188,7 @@ class _Covering:
         return CellCover(cover, int(hits[cell]), tried, effort.used, stages)
 
 
-def _enough_for_cell(problem: Problem) -> GoodEnough:
+def _enough_for_cell(problem: Problem) -> GoodEnough | None:
     """Which cover of a cell is good enough, where the trial hits it seldom or never: see `_enough`. Where objects
     choose among surfaces, a cover is worth as much work as drawing the cell's scenes takes if they are so rare that the
     search just hits them; where the search misses them, a better cover would seldom have helped."""

@@ -34,7 +34,7 @@ QUANTILE_CALL_WORK, QUANTILE_WORK, QUANTILE_SCORE_WORK = 12_000, 16, 8
 CORNERED_WORK = 10  # times as much as a sum: what a footprint with corners takes
 # of a scene: the share of a body that is seen, for each upright piece of all bodies; a clearance to a shadow, and times
 # as much as other clearances for each argument, where footprints have corners
-SHARE_WORK, SHADOW_WORK, SHADOW_TIMES = 350.0, 40.0, 10.0
+SHARE_WORK, SHADOW_WORK, SHADOW_TIMES = 1000.0, 40.0, 10.0
 SHADOW, SEEN = "shadowGap", ("shadowGap", "visibleShare")
 PYTHON_WORK = 200  # a few lines of Python for one node, set or tuple
 
@@ -185,11 +185,17 @@ def work_per_scene(nodes: Iterable[Node]) -> tuple[float, float]:
     return 0.1 * plain + 1.4 * cornered + QUANTILE_SCORE_WORK * quantiles + seen, plain * CALL_WORK / 8
 
 
-def is_uneven(nodes: Iterable[Node]) -> bool:
-    """Whether there is a share of what is seen, or a clearance of a hand: what takes so long that it matters for how
-    many of the candidates it is computed."""
+def dear_nodes(nodes: Iterable[Node]) -> list[Node]:
+    """Shares of what is seen, and clearances of hands and shadows: they take so long that it matters for how many
+    scenes they are computed."""
     applied = [node for node in nodes if isinstance(node, Apply) and node.shapes]
-    return any(node.primitive in SEEN or isinstance(node.shapes[0], PlacedBox) for node in applied)
+    return [node for node in applied if node.primitive in SEEN or isinstance(node.shapes[0], PlacedBox)]
+
+
+def dear_seconds(nodes: Iterable[Node]) -> tuple[float, float]:
+    """The seconds that dear nodes take, for each scene and for the calls."""
+    each, calls = work_per_scene(dear_nodes(nodes))
+    return SCORE_SECONDS * each, CALL_SECONDS * calls
 
 
 def moving_seconds(nodes: Iterable[Node], scenes: float, moves: float) -> float:

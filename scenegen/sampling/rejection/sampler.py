@@ -499,8 +499,9 @@ def _worth_stages(problem: Problem, cover: Cover, need: float, stages: Stages | 
 
 
 def _size(problem: Problem, need: float, parts: int, stages: Sequence[Stages | None]) -> int:
-    """Candidates of a piece, from covers of so many parts, scored in these stages: all that are needed if they are few, else a power of two up
-    to a full piece; more if there are many pieces, of which each brings few scenes or takes few from each part."""
+    """Candidates of a piece, from covers of so many parts, scored in these stages: all that are needed if they are few,
+    else a power of two up to a full piece; more if there are many pieces, of which each brings few scenes or takes few
+    from each part."""
     bits = math.ceil(math.log2(max(need, 1.0)))
     least = min(affordable(problem, MIN_PIECE_CANDIDATES, one) for one in stages)
     scored = scorable(max(average_work(problem, one) for one in stages), PIECE_WORK)

@@ -498,7 +498,7 @@ def _worth_stages(problem: Problem, cover: Cover, need: float, stages: Stages | 
     return stages
 
 
-def _size(problem: Problem, need: float, parts: int, stages: Sequence[Stages | None]) -> int:
+def _size(problem: Problem, need: float, parts: int, stages: Sequence[Stages | None] = (None,)) -> int:
     """Candidates of a piece, from covers of so many parts, scored in these stages: all that are needed if they are few,
     else a power of two up to a full piece; more if there are many pieces, of which each brings few scenes or takes few
     from each part."""

@@ -188,8 +188,15 @@ def work_per_scene(nodes: Iterable[Node]) -> tuple[float, float]:
 def dear_nodes(nodes: Iterable[Node]) -> list[Node]:
     """Shares of what is seen, and clearances of hands and shadows: they take so long that it matters for how many
     scenes they are computed."""
-    applied = [node for node in nodes if isinstance(node, Apply) and node.shapes]
-    return [node for node in applied if node.primitive in SEEN or isinstance(node.shapes[0], PlacedBox)]
+    found: list[Node] = []
+    for node in nodes:
+        if (
+            isinstance(node, Apply)
+            and node.shapes
+            and (node.primitive in SEEN or isinstance(node.shapes[0], PlacedBox))
+        ):
+            found.append(node)
+    return found
 
 
 def dear_seconds(nodes: Iterable[Node]) -> tuple[float, float]:

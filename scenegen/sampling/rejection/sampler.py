@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -19,7 +20,7 @@ from scenegen.arrays import Array, Bool, Index
 from scenegen.errors import RequestError
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
-from scenegen.sampling.problem import Problem, refuse_impossible
+from scenegen.sampling.problem import SCENES_IN_CACHE, Problem, refuse_impossible
 from scenegen.sampling.rejection.draw import (
     PIECE_WORK,
     PILOT_CANDIDATES,
@@ -246,11 +247,10 @@ class Rejection(Plan):
         phi: list[Array] = []
         found: list[Index] = []
         hits = np.zeros(len(self.sources))
-        sizes = [chunk_size(self.problem, source.stages) for source in self.sources]
         # the same memory for all chunks: fresh pages cost time
-        room = np.empty((len(self.problem.lowest), max(sizes)))
-        for which, (source, size) in enumerate(zip(self.sources, sizes, strict=True)):
-            for count in chunks(source.candidates, size):
+        room = np.empty((len(self.problem.lowest), SCENES_IN_CACHE))
+        for which, source in enumerate(self.sources):
+            for count in chunks(source.candidates, chunk_size(self.problem, source.stages)):
                 kept, values, cells = draw_kept(
                     self.problem, source.cover, count, rng, room, self.stop.check, source.stages
                 )
@@ -503,8 +503,9 @@ def _size(problem: Problem, need: float, parts: int, stages: Sequence[Stages | N
     else a power of two up to a full piece; more if there are many pieces, of which each brings few scenes or takes few
     from each part."""
     bits = math.ceil(math.log2(max(need, 1.0)))
-    least = min(affordable(problem, MIN_PIECE_CANDIDATES, one) for one in stages)
-    scored = scorable(max(average_work(problem, one) for one in stages), PIECE_WORK)
+    dearest = max(stages, key=partial(average_work, problem))
+    least = affordable(problem, MIN_PIECE_CANDIDATES, dearest)
+    scored = scorable(average_work(problem, dearest), PIECE_WORK)
     most = min(problem.piece_size, scored)
     size = int(min(max(least, 1 << min(bits, 62)), max(most, least)))
     kept, numbers = SPARE_SCENES * problem.request.n / need, len(problem.lowest) + len(problem.core.labels)

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Protocol, cast
 
-from scenegen.geometry.footprint import Circle
+from scenegen.geometry.footprint import Circle, PlacedBox, Stack
 from scenegen.geometry.quantile import QUANTILE, Quantile
 from scenegen.lang.formula.core import Apply, Node, children
 
@@ -32,6 +32,10 @@ CALL_WORK = 1000  # of an interval rule, for each of its arguments, however few 
 # quantiles: bounds, for each run in a call, and for each option and box; values, for each run, argument and scene
 QUANTILE_CALL_WORK, QUANTILE_WORK, QUANTILE_SCORE_WORK = 12_000, 16, 8
 CORNERED_WORK = 10  # times as much as a sum: what a footprint with corners takes
+# of a scene: the share of a body that is seen, for each upright piece of all bodies; a clearance to a shadow, and times
+# as much as other clearances for each argument, where footprints have corners
+SHARE_WORK, SHADOW_WORK, SHADOW_TIMES = 1000.0, 40.0, 10.0
+SHADOW, SEEN = "shadowGap", ("shadowGap", "visibleShare")
 PYTHON_WORK = 200  # a few lines of Python for one node, set or tuple
 
 
@@ -168,20 +172,49 @@ def scoring_work(nodes: Iterable[Node], scenes: int) -> float:
 def work_per_scene(nodes: Iterable[Node]) -> tuple[float, float]:
     """The work of computing nodes: of each scene, and of the calls, however many scenes there are."""
     plain = cornered = quantiles = 0
+    seen = 0.0
     for node in nodes:
         count = len(children(node))
         plain += count
         if isinstance(node, Apply) and node.primitive == QUANTILE:
             quantiles += len(cast(Quantile, node.shapes[0]).runs) * (count - 1)
+        elif isinstance(node, Apply) and node.primitive in SEEN:
+            seen += _work_of_sight(node)
         else:
             cornered += count * _has_corners(node)
-    return 0.1 * plain + 1.4 * cornered + QUANTILE_SCORE_WORK * quantiles, plain * CALL_WORK / 8
+    return 0.1 * plain + 1.4 * cornered + QUANTILE_SCORE_WORK * quantiles + seen, plain * CALL_WORK / 8
+
+
+def dear_nodes(nodes: Iterable[Node]) -> list[Node]:
+    """Shares of what is seen, and clearances of hands and shadows: they take so long that it matters for how many
+    scenes they are computed."""
+    found: list[Node] = []
+    for node in nodes:
+        if (
+            isinstance(node, Apply)
+            and node.shapes
+            and (node.primitive in SEEN or isinstance(node.shapes[0], PlacedBox))
+        ):
+            found.append(node)
+    return found
+
+
+def dear_seconds(nodes: Iterable[Node]) -> tuple[float, float]:
+    """The seconds that dear nodes take, for each scene and for the calls."""
+    each, calls = work_per_scene(dear_nodes(nodes))
+    return SCORE_SECONDS * each, CALL_SECONDS * calls
 
 
 def moving_seconds(nodes: Iterable[Node], scenes: float, moves: float) -> float:
     """The seconds of so many moves of chains, in which so many scenes are tried in all."""
     each, calls = work_per_scene(nodes)
     return MOVE_SECONDS * (scenes * (each + MOVE_WORK) + moves * MOVE_CALLS_WORK) + CALL_SECONDS * moves * calls
+
+
+def _work_of_sight(node: Apply) -> float:
+    if node.primitive == SHADOW:
+        return SHADOW_WORK + SHADOW_TIMES * 1.4 * len(node.args) * _has_corners(node)
+    return SHARE_WORK * sum(len(shape.pieces) if isinstance(shape, Stack) else 1 for shape in node.shapes)
 
 
 def _has_corners(node: Node) -> bool:

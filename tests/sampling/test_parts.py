@@ -15,10 +15,11 @@ from experiments.metrics import energy_test, ks_screen
 from scenegen.api.scenes import evaluate
 from scenegen.errors import RequestError
 from scenegen.lang.checker import check_text
-from scenegen.lang.formula.core import Junction
+from scenegen.lang.formula.core import Apply, Junction
 from scenegen.sampling import choice
 from scenegen.sampling.engine.run import in_memory
 from scenegen.sampling.families import seed_of
+from scenegen.sampling.growth.model import make_growth_model
 from scenegen.sampling.parts import independent_parts, pair
 from scenegen.sampling.plan import Tally
 from scenegen.sampling.plans import draw, make_plan, plan_for
@@ -32,7 +33,7 @@ from scenegen.sampling.rejection.trial import make_trial, search_longer
 from scenegen.sampling.request import Range, SampleRequest
 from scenegen.sampling.streams import REJECTION_PLAN_STREAM
 from scenegen.search import effort as module
-from scenegen.search.effort import Budget, Effort, StoppedError, work_per_scene
+from scenegen.search.effort import SCORE_SECONDS, SHARE_WORK, Budget, Effort, StoppedError, work_per_scene
 from scenegen.search.prune import box_cover
 
 LEVEL = 0.99
@@ -566,3 +567,61 @@ def test_a_run_that_is_cut_short_does_not_speak_of_equal_shares(spec):
     plan = plan_for(spec.definition, SampleRequest(n=10), Budget(30.0))
     assert all(one["share"] == 1 / 6 for one in plan.account(Tally(10, 10, 6, 60)).info["numbers"])
     assert not any("share" in one for one in plan.account(Tally(0, 7, 4, 7)).info["numbers"])
+
+
+SEEN = """robot arm = panda at (0.5, -0.25, NORTH)
+camera front = at (0.5, -0.6, 0.7) looks at (0.5, 0.4, 0) fov 60 deg, 4:3
+object mug = cylinder(3.5 cm, 9 cm), carton = box(7 cm, 5 cm, 20 cm), bottle = cylinder(3.5 cm, 25 cm)
+require noOverlap()
+task: (forall p in others(arm): graspable(p, arm)) & visible(mug, front, 30 %, 70 %)
+"""
+
+
+@pytest.fixture(scope="module")
+def seen():
+    """Of robots and cameras: their problem, and rejection from the box."""
+    problem = make_problem(check_text(SEEN), SampleRequest({"task": Range(0.0, None)}, n=1000))
+    return problem, sampler.first_look(problem, Budget(math.inf))
+
+
+def test_what_robots_and_cameras_need_is_computed_last(seen):
+    problem, plan = seen
+    (source,) = plan.sources
+    tops = [problem.core.nodes[one.node] for stage in source.stages.stages for one in stage.conditions]
+    texts = [getattr(one, "text", "") for one in tops]
+    shares = [k for k, text in enumerate(texts) if "visibleShare" in text]
+    cheap = [k for k, text in enumerate(texts) if text.startswith(("gap", "reachable"))]
+    assert len(cheap) > 3 and min(shares, default=math.inf) > max(cheap)
+
+
+def test_many_candidates_at_a_time_where_few_get_to_what_is_dear(seen):
+    problem, plan = seen
+    stages = plan.sources[0].stages
+    assert draw_staged.chunk_size(problem, stages) > 8 * draw_staged.chunk_size(problem)
+    assert plan.sources[0].candidates > 4 * draw_staged.affordable(problem, 1 << 20)
+    plain = planned("task: nextTo(box[2], box[1])\n", {"task": Range(0.0, None)}, many=8)
+    made = make_stages(plain, whole_box(plain))
+    assert made.stages and draw_staged.chunk_size(plain, made) == draw_staged.chunk_size(plain)
+
+
+def test_dear_scenes_are_the_same_with_and_without_stages(seen):
+    problem, plan = seen
+    (source,) = plan.sources
+    rows, phi, _ = draw_kept(problem, source.cover, 8192, np.random.default_rng(3), stages=source.stages)
+    others, other_phi, _ = draw_kept(problem, source.cover, 8192, np.random.default_rng(3))
+    assert rows.shape[1] > 20
+    np.testing.assert_array_equal(rows, others)
+    np.testing.assert_array_equal(phi, other_phi)
+
+
+def test_growth_counts_what_is_dear_by_its_price(seen):
+    problem, _ = seen
+    model = make_growth_model(problem)
+    nodes = problem.core.nodes
+    share = next(at for at, node in enumerate(nodes) if isinstance(node, Apply) and node.primitive == "visibleShare")
+    before = model.seconds
+    model.count_values(model.values("share", [share]), 1000)
+    assert model.seconds - before > 1000 * SCORE_SECONDS * SHARE_WORK
+    before = model.seconds
+    model.count_values(model.values("top", [0]), 1000)
+    assert model.seconds - before < 1e-3

@@ -93,6 +93,11 @@ class GapMinima:
     skipped: frozenset[int]
     capped: CappedMinima = NO_CAPPED  # for numpy alone
 
+    @property
+    def absent(self) -> int:
+        """How many nodes have no values of their own in numpy."""
+        return len(self.skipped | self.capped.skipped)
+
     def last_uses(self, core: Core) -> list[list[int]]:
         """last_uses(core), where gaps are computed with their minimum."""
         instead: dict[int, Sequence[int]] = dict.fromkeys(self.skipped, ())

@@ -23,7 +23,7 @@ from scenegen.lang.formula.core import Coord, Core, Node, restrict
 from scenegen.lang.formula.interpret import GapMinima, Numbers, PrunedNumbers, fold
 from scenegen.pose import FLAT, THETA, rows_along
 from scenegen.sampling.growth.graph import Clause, Graph, Pair
-from scenegen.search.effort import Effort
+from scenegen.search.effort import Effort, dear_seconds
 
 Pose = tuple[Array, ...]
 
@@ -106,12 +106,13 @@ def _lowest(values: list[Array]) -> Array:
 class Values:
     """The values of some formula nodes over many columns of poses. `steps` are the nodes that these need, with
     arguments that count within the steps; `wanted` are the steps of the nodes asked for, `rows` the rows of (3N, B)
-    storage that are read, `capped` the minima of which only a part is computed."""
+    storage that are read, `capped` the minima of which only a part is computed; `dear` see `dear_seconds`."""
 
     steps: tuple[Node, ...]
     wanted: tuple[int, ...]
     rows: tuple[int, ...]
     capped: CappedMinima
+    dear: tuple[float, float]
 
     def __call__(self, rows: Sequence[Any], check: Callable[[], None] | None = None) -> list[Array]:
         """One value per wanted node. `rows` are 3N arrays that broadcast against each other, or numbers. `check` is
@@ -130,7 +131,7 @@ def make_values(core: Core, wanted: Sequence[int]) -> Values:
     steps, place = restrict(core.nodes, wanted)
     rows = tuple(sorted({node.row for node in steps if isinstance(node, Coord)}))
     numbers = tuple(place[node] for node in wanted)
-    return Values(steps, numbers, rows, find_capped(steps, numbers))
+    return Values(steps, numbers, rows, find_capped(steps, numbers), dear_seconds(steps))
 
 
 MAX_DISTANCES_AT_ONCE = 1 << 15  # distances computed at a time: they stay in the cache

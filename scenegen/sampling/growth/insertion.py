@@ -39,7 +39,7 @@ def open_ways(
     held = []
     for index, each in asked.items():
         alone = ("ways", index, stage, *touched[index])  # work is counted as if each choice were looked at by itself
-        model.count(len(model.values(alone, [one.node for clauses in each for one in clauses]).steps), len(cell))
+        model.count_values(model.values(alone, [one.node for clauses in each for one in clauses]), len(cell))
         held.append(_satisfied_clauses(each, found, cell))
     return held
 
@@ -197,7 +197,7 @@ def chances_of(
         table = model.outlooks[one.choice][:, stage]
         held = np.ones((len(table), len(column)), dtype=bool) if known is None else known[:, column]
         held[list(one.numbers)] &= _satisfied_clauses(one.clauses, iter(values(rows)), cell)
-        model.count(len(values.steps), len(cell))
+        model.count_values(values, len(cell))
         out *= chance(held, table, cell)
     return out
 
@@ -313,10 +313,12 @@ def score_poses(
     for row, values in zip(constraints.rows, poses, strict=True):
         rows[row] = values
     good = np.broadcast_to(boxes.volumes.sum(axis=0) > 0.0, poses.shape[1:]).copy()
+    clauses = constraints.clauses_at(stage)
+    if clauses:  # counted before, for it may take long
+        model.count_values(constraints.values(len(clauses), [clause.node for clause in clauses]), good.size)
     met = constraints.meets(rows, cell, stage, model.effort.check)
     if met is not None:
         good &= met
-        model.count(len(constraints.values(len(constraints.clauses_at(stage)), ()).steps), good.size)
     attracted = int(np.count_nonzero(good))
     if constraints.layers and attracted:
         model.count(6 * stage, good.size if good.mean() > DENSE_SHARE else attracted)
@@ -404,7 +406,7 @@ def _drop_violations(
         met = constraints.meets(rows, cell, stage, model.effort.check)
         if met is not None:
             good &= met
-            model.count(len(constraints.values(len(constraints.clauses_at(stage)), ()).steps), len(good))
+            model.count_values(constraints.values(len(constraints.clauses_at(stage)), ()), len(good))
     for thing in things:
         constraints = model.constraints[thing]
         if constraints.layers and good.any():

@@ -25,6 +25,7 @@ from scenegen.search.effort import (
     Effort,
     StoppedError,
     TooMuchError,
+    dear_nodes,
     effort_until,
     work_per_scene,
 )
@@ -262,8 +263,8 @@ class GrowthModel:
     with these brings the few across a full table. `whole` are the objects whose room is not worth contracting: a plan
     finds them out. `standing` are the places of what stands. `begin` (C,) is how many scenes each cell begins with, in
     proportion, where they may leave their cell; None where they stay: see `outlooks`. `each` is the work of scoring a
-    scene, `steps_done` how often all scenes were evaluated, `drawn` the coordinates of poses that were tried.
-    `furthest` is how many objects have been placed at once."""
+    scene but for dear nodes, of which `dear` are the seconds, `steps_done` how often all scenes were evaluated, `drawn`
+    the coordinates of poses that were tried. `furthest` is how many objects have been placed at once."""
 
     problem: Problem
     graph: Graph
@@ -284,6 +285,7 @@ class GrowthModel:
     work: float = 0.0
     steps_done: int = 0
     drawn: float = 0.0
+    dear: float = 0.0
     each: float = 0.0
     deadline: float = math.inf
     most: float = math.inf
@@ -297,6 +299,7 @@ class GrowthModel:
             GROWTH_SCORE_SECONDS * self.each * self.work
             + GROWTH_STEP_SECONDS * self.steps_done
             + DRAW_SECONDS * self.drawn
+            + self.dear
         )
 
     @property
@@ -340,6 +343,11 @@ class GrowthModel:
             raise TooMuchError
         if time.monotonic() > self.deadline:
             raise StoppedError
+
+    def count_values(self, values: Values, columns: int) -> None:
+        """Note that some were evaluated over so many columns, as `count` does."""
+        self.dear += values.dear[0] * columns + values.dear[1]
+        self.count(len(values.steps), columns)
 
     def complete(self, rows: Array, rng: np.random.Generator) -> Array:
         """Whole scenes (3N, P): rows that no clause reads are drawn afresh, in place; headings are brought below a
@@ -403,7 +411,8 @@ def make_growth_model(
     return GrowthModel(
         problem, graph, order, at, hanging, constraints, begins, kin, _mixed_classes(constraints),
         outlooks(problem, graph, at, effort), standing=standing, begin=begin,
-        each=work_per_scene(problem.core.nodes)[0], deadline=deadline,
+        each=work_per_scene(problem.core.nodes)[0] - work_per_scene(dear_nodes(problem.core.nodes))[0],
+        deadline=deadline,
     )  # fmt: skip
 
 

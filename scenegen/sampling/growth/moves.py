@@ -95,7 +95,7 @@ def _drop_violations(particles: Particles, group: Sequence[int], moved: dict[int
             left = np.ones(len(column), dtype=bool) if met is None else met.copy()
             model.count(6 * stage, len(column))
             if met is not None:
-                model.count(len(constraints.values(len(constraints.clauses_at(stage)), ()).steps), len(column))
+                model.count_values(constraints.values(len(constraints.clauses_at(stage)), ()), len(column))
             if constraints.layers and left.any():
                 x, y, theta = (rows[row_of(thing, axis)] for axis in FLAT)
                 constraints.drop_near((x, y, theta), scenes, there, stage, left, column, group)

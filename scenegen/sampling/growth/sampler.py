@@ -72,7 +72,7 @@ def _population(
         return model, made
     strict = replace(
         make_growth_model(problem), work=model.work, steps_done=model.steps_done, drawn=model.drawn,
-        deadline=model.deadline, longest=model.longest,
+        dear=model.dear, deadline=model.deadline, longest=model.longest,
     )  # fmt: skip
     return strict, make_population(strict, size, _plan_generator(problem.request.seed, which), larger=larger)
 
@@ -172,7 +172,8 @@ def _recipe(problem: Problem, model: GrowthModel, size: Size, made: Population) 
     whole = made.cost + settled.cost * settled.sweeps  # smaller pieces take fewer evaluations, but as many steps
     piece = whole * each / count
     share = whole / model.work if model.work else 1.0  # no work: no clause is left to evaluate
-    around = GROWTH_STEP_SECONDS * model.steps_done * share + DRAW_SECONDS * model.drawn * share * each / count
+    around = GROWTH_STEP_SECONDS * model.steps_done * share
+    around += (DRAW_SECONDS * model.drawn + model.dear) * share * each / count
     return Recipe(
         made.steps, made.settings, cells, each, settled.sweeps, settled.thin, settled.taken_effect, model.work, piece,
         size, (made.taken,), made.share, (model.seconds, GROWTH_SCORE_SECONDS * model.each * piece + around),

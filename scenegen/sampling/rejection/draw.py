@@ -15,7 +15,7 @@ from scenegen.lang.formula.interpret import FEWEST_GAPS, GapMinima, evaluate, fi
 from scenegen.pose import keep_below_turn, row_count
 from scenegen.sampling.problem import LIVE_NUMBERS, SCENES_IN_CACHE, Problem
 from scenegen.sampling.streams import REJECTION_PLAN_STREAM
-from scenegen.search.effort import Effort, work_per_scene
+from scenegen.search.effort import Effort, dear_nodes, work_per_scene
 from scenegen.search.prune import Cover
 
 # What rejection scores first: cheap conditions that most candidates fail, so that few are scored in full.
@@ -171,22 +171,38 @@ PILOT_CANDIDATES = 512  # candidates that show which conditions are best checked
 ENOUGH_HITS = 16  # hits after which a cell's rate is known well enough
 
 
-def scorable(problem: Problem, work: float) -> int:
-    """How many candidates can be scored with so much work, at least 64."""
-    return max(64, int(work / max(1.0, work_per_scene(problem.core.nodes)[0])))
+def average_work(problem: Problem, stages: Stages | None = None) -> float:
+    """The work of scoring a candidate by which chunks and pieces are sized. What robots and cameras need takes so long
+    that it matters how many candidates get there, which stages tell; all else is counted in full."""
+    if stages is not None and dear_nodes(problem.core.nodes):
+        return stages.work
+    return work_per_scene(problem.core.nodes)[0]
 
 
-def affordable(problem: Problem, count: int) -> int:
+def scorable(each: float, work: float) -> int:
+    """How many candidates of some work each can be scored with so much work, at least 64."""
+    return max(64, int(work / max(1.0, each)))
+
+
+def affordable(problem: Problem, count: int, stages: Stages | None = None) -> int:
     """That many candidates, or fewer if scoring one takes thousands of operations."""
-    return max(
-        64, min(count, EXPLORE_VISITS // EXPLORE_CHUNKS // len(problem.core.nodes), scorable(problem, PIECE_WORK))
-    )
+    visits = EXPLORE_VISITS // EXPLORE_CHUNKS // _values_at_once(problem, stages)
+    return max(64, min(count, visits, scorable(average_work(problem, stages), PIECE_WORK)))
 
 
-def chunk_size(problem: Problem) -> int:
-    """How many candidates are drawn and scored at a time."""
-    live = LIVE_NUMBERS // max(len(problem.core.nodes), len(problem.lowest))
-    return max(64, min(SCENES_IN_CACHE, live, scorable(problem, CHUNK_WORK)))
+def chunk_size(problem: Problem, stages: Stages | None = None) -> int:
+    """How many candidates are drawn and scored at a time; a piece at once where few get through the stages."""
+    live = LIVE_NUMBERS // max(_values_at_once(problem, stages), len(problem.lowest))
+    most = CHUNK_WORK if stages is None or not dear_nodes(problem.core.nodes) else PIECE_WORK
+    return max(64, min(SCENES_IN_CACHE, live, scorable(average_work(problem, stages), most)))
+
+
+def _values_at_once(problem: Problem, stages: Stages | None) -> int:
+    """Nodes that have values of candidates at a time."""
+    count = len(problem.core.nodes)
+    if stages is None or not dear_nodes(problem.core.nodes):
+        return count
+    return count - min(one.absent for one in (stages.full, *(stage.groups for stage in stages.stages)))
 
 
 def chunks(count: int, size: int) -> list[int]:
@@ -207,9 +223,12 @@ def explore(
     """Hits of each cell, (C,), in a few chunks of candidates, how many there were, and the cover's stages, if they were
     given or worth making; with `cell`, as soon as that one is known well enough. Raises what `effort` raises."""
     hits = np.zeros(problem.cells.count, dtype=np.intp)
-    tried, size = 0, chunk_size(problem)
+    if stages is None and dear_nodes(problem.core.nodes):
+        stages = make_stages(problem, cover)
+    tried, size = 0, chunk_size(problem, stages)
     for chunk in range(most):
-        for count in chunks(affordable(problem, 2048 if cell is not None and not chunk else SCENES_IN_CACHE), size):
+        some = 2048 if cell is not None and not chunk else SCENES_IN_CACHE
+        for count in chunks(affordable(problem, some, stages), size):
             if stages is None and tried:
                 stages = make_stages(problem, cover)
             each, calls = work_per_scene(problem.core.nodes)

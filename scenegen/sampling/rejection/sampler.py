@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -19,12 +20,13 @@ from scenegen.arrays import Array, Bool, Index
 from scenegen.errors import RequestError
 from scenegen.lang.formula.core import REQUIRE
 from scenegen.sampling.plan import Account, Piece, Plan, Tally, digest
-from scenegen.sampling.problem import Problem, refuse_impossible
+from scenegen.sampling.problem import SCENES_IN_CACHE, Problem, refuse_impossible
 from scenegen.sampling.rejection.draw import (
     PIECE_WORK,
     PILOT_CANDIDATES,
     Stages,
     affordable,
+    average_work,
     chunk_size,
     chunks,
     draw_kept,
@@ -245,10 +247,10 @@ class Rejection(Plan):
         phi: list[Array] = []
         found: list[Index] = []
         hits = np.zeros(len(self.sources))
-        size = chunk_size(self.problem)
-        room = np.empty((len(self.problem.lowest), size))  # the same memory for all chunks: fresh pages cost time
+        # the same memory for all chunks: fresh pages cost time
+        room = np.empty((len(self.problem.lowest), SCENES_IN_CACHE))
         for which, source in enumerate(self.sources):
-            for count in chunks(source.candidates, size):
+            for count in chunks(source.candidates, chunk_size(self.problem, source.stages)):
                 kept, values, cells = draw_kept(
                     self.problem, source.cover, count, rng, room, self.stop.check, source.stages
                 )
@@ -410,7 +412,7 @@ def work_of(plan: Rejection) -> tuple[float, float]:
     common = plan.sources[0]
     stages = make_stages(plan.problem, common.cover) if common.stages is None else common.stages
     _, calls = work_per_scene(plan.problem.core.nodes)
-    return stages.work, calls / chunk_size(plan.problem)
+    return stages.work, calls / chunk_size(plan.problem, stages)
 
 
 def _alone(
@@ -420,7 +422,9 @@ def _alone(
     rarest = max(int(trial.hits[sorted(reachable)].min()), 1) / trial.tried
     need = SPARE_SCENES * problem.request.n / (rarest * len(reachable))
     everywhere = np.ones(problem.cells.count, dtype=bool)
-    source = _source(problem, trial.cover, everywhere, _size(problem, need, len(trial.cover.parts)), need, trial.stages)
+    stages = _worth_stages(problem, trial.cover, need, trial.stages)
+    size = _size(problem, need, len(trial.cover.parts), [stages])
+    source = CoverSource(trial.cover, everywhere, size, stages)
     return Rejection(problem, (source,), reachable, ruled_out, trial.rate, trial.tried, need, stop)
 
 
@@ -472,39 +476,42 @@ def _balance(
     share = SPARE_SCENES * problem.request.n / cells
     need = [share / rate[sorted(common)].min() if common else 0.0]
     need += [share / one.rate for one in own]
-    size = _size(problem, sum(need), parts)
+    stages = [_worth_stages(problem, trial.cover, need[0], trial.stages)]
+    stages += [_worth_stages(problem, one.cover, all_, one.stages) for one, all_ in zip(own, need[1:], strict=True)]
+    size = _size(problem, sum(need), parts, stages)
     each = [math.ceil(size * one / sum(need)) for one in need]
     served = np.zeros(problem.cells.count, dtype=bool)
     served[sorted(common)] = True
-    sources = [_source(problem, trial.cover, served, each[0], need[0], trial.stages)]
-    for one, candidates, all_ in zip(own, each[1:], need[1:], strict=True):
+    sources = [CoverSource(trial.cover, served, each[0], stages[0])]
+    for one, candidates, mine in zip(own, each[1:], stages[1:], strict=True):
         only = np.zeros(problem.cells.count, dtype=bool)
         only[list(one.cells)] = True
-        sources.append(_source(problem, one.cover, only, candidates, all_, one.stages))
+        sources.append(CoverSource(one.cover, only, candidates, mine))
     return tuple(sources), float(sum(need))
 
 
-def _source(
-    problem: Problem, cover: Cover, cells: Bool, candidates: int, need: float, stages: Stages | None
-) -> CoverSource:
-    """`stages` are the cover's, where they have been made. `need` is how many candidates the request takes in all: for
+def _worth_stages(problem: Problem, cover: Cover, need: float, stages: Stages | None) -> Stages | None:
+    """A cover's stages: `stages` where they have been made. `need` is how many candidates the request takes in all: for
     a few, to make stages costs more than they save."""
     if stages is None and need >= STAGED_PILOTS * PILOT_CANDIDATES:
-        stages = make_stages(problem, cover)
-    return CoverSource(cover, cells, candidates, stages)
+        return make_stages(problem, cover)
+    return stages
 
 
-def _size(problem: Problem, need: float, parts: int) -> int:
-    """Candidates of a piece, from covers of so many parts: all that are needed if they are few, else a power of two up
-    to a full piece; more if there are many pieces, of which each brings few scenes or takes few from each part."""
+def _size(problem: Problem, need: float, parts: int, stages: Sequence[Stages | None] = (None,)) -> int:
+    """Candidates of a piece, from covers of so many parts, scored in these stages: all that are needed if they are few,
+    else a power of two up to a full piece; more if there are many pieces, of which each brings few scenes or takes few
+    from each part."""
     bits = math.ceil(math.log2(max(need, 1.0)))
-    least = affordable(problem, MIN_PIECE_CANDIDATES)
-    most = min(problem.piece_size, scorable(problem, PIECE_WORK))
+    dearest = max(stages, key=partial(average_work, problem))
+    least = affordable(problem, MIN_PIECE_CANDIDATES, dearest)
+    scored = scorable(average_work(problem, dearest), PIECE_WORK)
+    most = min(problem.piece_size, scored)
     size = int(min(max(least, 1 << min(bits, 62)), max(most, least)))
     kept, numbers = SPARE_SCENES * problem.request.n / need, len(problem.lowest) + len(problem.core.labels)
     largest = min(
         MAX_PIECE_FACTOR * problem.piece_size,
-        scorable(problem, PIECE_WORK),
+        scored,
         need / MIN_LARGE_PIECES,
         LARGE_PIECE_NUMBERS / (kept * numbers),
     )

@@ -190,11 +190,7 @@ def dear_nodes(nodes: Iterable[Node]) -> list[Node]:
     scenes they are computed."""
     found: list[Node] = []
     for node in nodes:
-        if (
-            isinstance(node, Apply)
-            and node.shapes
-            and (node.primitive in SEEN or isinstance(node.shapes[0], PlacedBox))
-        ):
+        if isinstance(node, Apply) and (node.primitive in SEEN or PlacedBox in map(type, node.shapes[:1])):
             found.append(node)
     return found
 
@@ -218,4 +214,4 @@ def _work_of_sight(node: Apply) -> float:
 
 
 def _has_corners(node: Node) -> bool:
-    return isinstance(node, Apply) and any(not isinstance(shape, Circle) for shape in node.shapes)
+    return isinstance(node, Apply) and not {*map(type, node.shapes)} <= {Circle}

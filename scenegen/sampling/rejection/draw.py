@@ -171,38 +171,29 @@ PILOT_CANDIDATES = 512  # candidates that show which conditions are best checked
 ENOUGH_HITS = 16  # hits after which a cell's rate is known well enough
 
 
-def average_work(problem: Problem, stages: Stages | None = None) -> float:
-    """The work of scoring a candidate by which chunks and pieces are sized. What robots and cameras need takes so long
-    that it matters how many candidates get there, which stages tell; all else is counted in full."""
-    if stages is not None and dear_nodes(problem.core.nodes):
-        return stages.work
-    return work_per_scene(problem.core.nodes)[0]
-
-
-def scorable(each: float, work: float) -> int:
-    """How many candidates of some work each can be scored with so much work, at least 64."""
-    return max(64, int(work / max(1.0, each)))
+def scorable(problem: Problem, work: float, stages: Stages | None = None) -> tuple[int, int]:
+    """How many candidates can be scored with so much work, at least 64, and of how many nodes there are values at a
+    time. What robots and cameras need takes so long that it matters how many candidates get there, which stages tell;
+    all else is counted in full."""
+    nodes = problem.core.nodes
+    each, values = work_per_scene(nodes)[0], len(nodes)
+    if stages is not None and dear_nodes(nodes):
+        each = stages.work
+        values -= min(one.absent for one in (stages.full, *(stage.groups for stage in stages.stages)))
+    return max(64, int(work / max(1.0, each))), values
 
 
 def affordable(problem: Problem, count: int, stages: Stages | None = None) -> int:
     """That many candidates, or fewer if scoring one takes thousands of operations."""
-    visits = EXPLORE_VISITS // EXPLORE_CHUNKS // _values_at_once(problem, stages)
-    return max(64, min(count, visits, scorable(average_work(problem, stages), PIECE_WORK)))
+    scored, values = scorable(problem, PIECE_WORK, stages)
+    return max(64, min(count, EXPLORE_VISITS // EXPLORE_CHUNKS // values, scored))
 
 
 def chunk_size(problem: Problem, stages: Stages | None = None) -> int:
     """How many candidates are drawn and scored at a time; a piece at once where few get through the stages."""
-    live = LIVE_NUMBERS // max(_values_at_once(problem, stages), len(problem.lowest))
-    most = CHUNK_WORK if stages is None or not dear_nodes(problem.core.nodes) else PIECE_WORK
-    return max(64, min(SCENES_IN_CACHE, live, scorable(average_work(problem, stages), most)))
-
-
-def _values_at_once(problem: Problem, stages: Stages | None) -> int:
-    """Nodes that have values of candidates at a time."""
-    count = len(problem.core.nodes)
-    if stages is None or not dear_nodes(problem.core.nodes):
-        return count
-    return count - min(one.absent for one in (stages.full, *(stage.groups for stage in stages.stages)))
+    few = stages is not None and dear_nodes(problem.core.nodes)
+    scored, values = scorable(problem, PIECE_WORK if few else CHUNK_WORK, stages)
+    return max(64, min(SCENES_IN_CACHE, LIVE_NUMBERS // max(values, len(problem.lowest)), scored))
 
 
 def chunks(count: int, size: int) -> list[int]:

@@ -26,7 +26,6 @@ from scenegen.sampling.rejection.draw import (
     PILOT_CANDIDATES,
     Stages,
     affordable,
-    average_work,
     chunk_size,
     chunks,
     draw_kept,
@@ -503,9 +502,8 @@ def _size(problem: Problem, need: float, parts: int, stages: Sequence[Stages | N
     else a power of two up to a full piece; more if there are many pieces, of which each brings few scenes or takes few
     from each part."""
     bits = math.ceil(math.log2(max(need, 1.0)))
-    dearest = max(stages, key=partial(average_work, problem))
-    least = affordable(problem, MIN_PIECE_CANDIDATES, dearest)
-    scored = scorable(average_work(problem, dearest), PIECE_WORK)
+    least = min(map(partial(affordable, problem, MIN_PIECE_CANDIDATES), stages))
+    scored, _ = min(map(partial(scorable, problem, PIECE_WORK), stages))
     most = min(problem.piece_size, scored)
     size = int(min(max(least, 1 << min(bits, 62)), max(most, least)))
     kept, numbers = SPARE_SCENES * problem.request.n / need, len(problem.lowest) + len(problem.core.labels)

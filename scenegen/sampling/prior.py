@@ -29,8 +29,8 @@ from scenegen.lang.prior import Distribution, Normal, Prior, Recorded, UniformHe
 from scenegen.lang.spec import CheckedSpec
 from scenegen.pose import PLACE, THETA, X, axis_of, owner, row_of
 from scenegen.sampling.plan import Account, Piece, Plan, Selection, Tally, digest, verify
-from scenegen.sampling.problem import Problem, over_numbers
-from scenegen.search.contract import contract_box
+from scenegen.sampling.problem import MAX_CONTRACTED, Problem, over_numbers
+from scenegen.search.contract import contract, push_down, start
 from scenegen.search.effort import Effort
 
 DISC_CORNERS = 256  # of the polygon that stands for a disc: less than 0.02 % of its radius off
@@ -252,13 +252,29 @@ def over_uniform(problem: Problem, effort: Effort) -> tuple[Problem, BaseDistrib
     """A problem whose spec has priors over uniform numbers, and what these become. Raises RequestError where it is
     proved to be impossible, or needs less of a distribution than LEAST_SHARE, and what `effort` raises."""
     spec, base = pull_back(problem.spec, problem.lowest, problem.highest)
-    over = over_numbers(problem, spec, effort)
-    left = contract_box(over.tape, over.lowest, over.highest, over.demand(), effort)
-    for row, node in over.tape.rows.items():
-        share = (left.hi[node] - left.lo[node]) / (over.highest[row] - over.lowest[row])
-        if row in base.at and share < LEAST_SHARE + 4.0 * UNIT_SLACK:
-            raise RequestError(TOO_IMPROBABLE(thing=problem.spec.objects[owner(row)], share=LEAST_SHARE))
-    return over, base
+    return _without_tails(over_numbers(problem, spec, effort), base, effort), base
+
+
+def _without_tails(over: Problem, base: BaseDistribution, effort: Effort) -> Problem:
+    """A problem over uniform numbers, the cells of which need more of each distribution than LEAST_SHARE; the others
+    are too improbable. Raises RequestError where all are, and what `effort` raises."""
+    cells = sorted(over.possible)
+    if len(over.tape.nodes) * len(cells) > MAX_CONTRACTED:
+        return over
+    boxes = (np.broadcast_to(ends[:, None], (len(ends), len(cells))) for ends in (over.lowest, over.highest))
+    lo, hi = start(over.tape, [push_down(over.core, over.demand(cell)) for cell in cells], *boxes)
+    contract(over.tape.nodes, lo, hi, batches=over.tape.batches, effort=effort)
+    rows = [row for row in over.tape.rows if row in base.at]
+    nodes = [over.tape.rows[row] for row in rows]
+    # bounds of a number are two slacks wide themselves, and as much is lost once more on the way to them
+    least = (LEAST_SHARE + 4.0 * UNIT_SLACK) * (over.highest - over.lowest)[rows, None]
+    few = hi[nodes] - lo[nodes] < least
+    tails = few.any(axis=0)
+    if tails.all():
+        thing = over.spec.objects[owner(rows[int(few[:, 0].argmax())])]
+        raise RequestError(TOO_IMPROBABLE(thing=thing, share=LEAST_SHARE))
+    beyond = frozenset(np.array(cells)[tails].tolist())
+    return replace(over, possible=over.possible - beyond, improbable=over.improbable | beyond)
 
 
 def plan_placed(problem: Problem, make: Callable[[Problem], Plan], effort: Effort) -> Placed:

@@ -62,6 +62,17 @@ def test_what_no_number_can_tell_apart_is_refused(method):
     assert caught.value.diagnostics[0].code == "too-improbable"
 
 
+@pytest.mark.parametrize("method", ["auto", "growth"])
+def test_cells_that_numbers_cannot_tell_apart_have_no_scenes(method):
+    spec = scenegen.parse(
+        "object plate at (0, 0.5, 0), mug\nusually mug ~ normal((0.1, 0.5), 8 cm)\ntask: leftOf(plate, mug)"
+    )
+    made = scenegen.sample(spec, {"task": (0.0, 1.0)}, 640, method=method, workers=1)
+    x = made.poses[:, 1, 0]
+    assert len(np.unique(x)) == len(x) and 0.6 < x.max() < 0.68  # 7 deviations away, or the end of that cell
+    assert "cells of the range were not reached" in made.warnings[0].title
+
+
 @pytest.fixture(scope="module")
 def truth():
     rows = by_hand(np.random.default_rng(5), 400_000)

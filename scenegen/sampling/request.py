@@ -98,8 +98,8 @@ def parse_phi(
     units: Collection[str] = PHI_UNITS,
     usage: str = PHI_USAGE,
 ) -> dict[str, Range]:
-    """The ranges of `--phi` options as typed, e.g. ["task=0.05:0.2", "safe=0:"]; `argument` is the option's name.
-    Raises RequestError with a caret."""
+    """The ranges of `--phi` options as typed, e.g. ["task=0.05:0.2", "safe=0:"]; `argument` is the option's name,
+    `units` are those that bounds may have, `usage` is how to write a range. Raises RequestError with a caret."""
     phi: dict[str, Range] = {}
     for text in options:
         source = Source(argument, text, argument=True)

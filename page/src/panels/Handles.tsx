@@ -1,5 +1,5 @@
 // The range of one label as two handles over the plot of how rare each phi is.
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useRef, useState } from "preact/hooks";
 import { band, justSolved, probability } from "../rare";
 import { alone, label as chosenLabel, measuring, preview, rarity, request, result, shown, spec } from "../state";
 import { setEnds } from "../store";
@@ -87,22 +87,24 @@ export function Handles({ name }: { name: string }) {
   };
   const zero = low < 0 && high > 0 ? toX(0) : null;
   const [a, b] = [toX(ends[0] ?? low), toX(ends[1] ?? high)];
-  const [wrong, setWrong] = useState<{ which: 0 | 1; value: string; words: string } | null>(null);
-  useEffect(() => setWrong(null), [ends[0], ends[1]]);
-  const typed = (which: 0 | 1) => (event: Event) => {
-    const value = (event.currentTarget as HTMLInputElement).value.trim();
+  // What is typed and not yet taken, so that scenes that arrive do not overwrite it; it ends when the range changes otherwise.
+  const [draft, setDraft] = useState<{ which: 0 | 1; value: string; wrong: string; of: Ends } | null>(null);
+  const open = draft && draft.of[0] === ends[0] && draft.of[1] === ends[1] ? draft : null;
+  const write = (which: 0 | 1, value: string, wrong = "") => setDraft({ which, value, wrong, of: [...ends] });
+  const take = (which: 0 | 1, text: string) => {
+    const value = text.trim();
     const phi = value === "" ? null : measure(value);
     const next: Ends = [...ends];
     next[which] = phi;
-    if (value !== "" && phi === null) setWrong({ which, value, words: `${value} is no number here: write 0.02, or 2 cm, or 10 deg` });
-    else if (next[0] !== null && next[1] !== null && next[0] > next[1]) setWrong({ which, value, words: "from is larger than to" });
+    if (value !== "" && phi === null) write(which, value, `${value} is no number here: write 0.02, or 2 cm, or 10 deg`);
+    else if (next[0] !== null && next[1] !== null && next[0] > next[1]) write(which, value, "from is larger than to");
     else {
-      setWrong(null);
+      setDraft(null);
       setEnds(name, next);
     }
   };
   const field = (which: 0 | 1, word: string) => (
-    <label>{word} <input type="text" inputMode="decimal" value={wrong?.which === which ? wrong.value : ends[which] === null ? "" : String(ends[which])} placeholder="open" aria-invalid={wrong?.which === which} onChange={typed(which)} aria-label={`${word}, ${name}`} /></label>
+    <label>{word} <input type="text" inputMode="decimal" value={open?.which === which ? open.value : ends[which] === null ? "" : String(ends[which])} placeholder="open" aria-invalid={open?.which === which && open.wrong !== ""} onInput={(event) => write(which, event.currentTarget.value)} onChange={(event) => take(which, event.currentTarget.value)} aria-label={`${word}, ${name}`} /></label>
   );
   const tick = (phi: number) => number(Math.abs(phi) < 1e-6 * (high - low) ? 0 : phi);
   return (
@@ -152,7 +154,7 @@ export function Handles({ name }: { name: string }) {
         {field(0, "from")}
         {field(1, "to")}
       </div>
-      {wrong ? <p class="wrong" role="alert">{wrong.words}</p> : null}
+      {open?.wrong ? <p class="wrong" role="alert">{open.wrong}</p> : null}
       <div class="chips">
         <Chip title={`the tenth of all ${what} with the lowest phi: farthest from being satisfied`} disabled={!known?.bands.some((one) => one.name === "hard")} onClick={() => band("hard", name)}>lowest 10 %</Chip>
         <Chip title={`a range around the median phi of all ${what}`} disabled={!known?.bands.some((one) => one.name === "medium")} onClick={() => band("medium", name)}>middle</Chip>

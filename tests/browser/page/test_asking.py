@@ -218,6 +218,19 @@ def test_fields_say_what_they_do_not_take(served, tab):
     assert not one.page.query_selector(".fields .caption")
 
 
+def test_scenes_that_arrive_leave_what_is_being_typed(served, tab):
+    one = tab(served.link)
+    one.ready()
+    for typed, now in (("0.0", [0, None]), ("0.02", [0.02, None])):
+        one.page.fill("input[aria-label='from, task']", typed)
+        one.page.evaluate("document.querySelector('.joined button').click()")  # new scenes; the field keeps the focus
+        one.until("$.busy")
+        one.ready()
+        assert one.page.input_value("input[aria-label='from, task']") == typed
+        one.page.keyboard.press("Enter")
+        one.until(f"JSON.stringify($.request.phi.task) === '{json.dumps(now, separators=(',', ':'))}'")
+
+
 def test_dialogs_keep_the_keyboard_and_give_it_back(served, tab):
     one = tab(served.link)
     one.ready()

@@ -1,6 +1,6 @@
 """Starts of LIBERO's tasks by the share of the target that its camera sees, held against LIBERO's own masks.
 
-    MUJOCO_GL=egl python -m experiments.libero_sight OUT.jsonl --suite libero_object --states 3 [--only REGEX]
+    MUJOCO_GL=egl python -m experiments.libero_sight OUT.jsonl --suite libero_object --states 50 [--only REGEX]
     python -m experiments.libero_sight OUT.jsonl --table
 
 A line of JSON for each task and share; what is there already is left out. Each state is set in another environment of
@@ -61,10 +61,25 @@ def mask_share(env: Any, live: LiveModel, name: str) -> float:
     return seen / alone
 
 
-def share_of_slices(own: EnvironmentSpec, live: LiveModel) -> float:
+def slice_things(own: EnvironmentSpec, live: LiveModel) -> dict[str, Stack]:
+    """What moves, as stacks of slices of what is drawn."""
+    model, bodies = live.model, {}
+    for name in own.spec.objects:
+        if name not in live.movers:
+            continue
+        body, meshes = live.things[name], []
+        for geom in range(model.ngeom):
+            if model.geom_group[geom] == DRAWN_GROUP and live.owner(geom) == name and model.geom_dataid[geom] >= 0:
+                begin, count = (int(of[model.geom_dataid[geom]]) for of in (model.mesh_faceadr, model.mesh_facenum))
+                inside = (live.corners(geom) - live.data.xpos[body]) @ live.data.xmat[body].reshape(3, 3)
+                meshes.append(Mesh(inside @ matrix(own.attitudes[name]).T, model.mesh_face[begin : begin + count]))
+        bodies[name] = Stack(own.prisms[name].corners, slices_of(join(meshes)))
+    return bodies
+
+
+def share_of_slices(own: EnvironmentSpec, live: LiveModel, bodies: dict[str, Stack]) -> float:
     """Where things stand now; as if all stood on the first of their surfaces, which is the table."""
-    spec, model = own.spec.checked, live.model
-    bodies: dict[str, Stack] = {}
+    spec = own.spec.checked
     poses = np.zeros((1, len(spec.objects), 3))
     for which, name in enumerate(spec.objects):
         if name not in live.movers:
@@ -73,13 +88,6 @@ def share_of_slices(own: EnvironmentSpec, live: LiveModel) -> float:
         body = live.things[name]
         turn = times(live.data.xquat[body], inverse(own.attitudes[name]))
         poses[0, which] = TableFrame(own.origin).pose(live.data.xpos[body], turn)
-        meshes = []
-        for geom in range(model.ngeom):
-            if model.geom_group[geom] == DRAWN_GROUP and live.owner(geom) == name and model.geom_dataid[geom] >= 0:
-                begin, count = (int(of[model.geom_dataid[geom]]) for of in (model.mesh_faceadr, model.mesh_facenum))
-                inside = (live.corners(geom) - live.data.xpos[body]) @ live.data.xmat[body].reshape(3, 3)
-                meshes.append(Mesh(inside @ matrix(own.attitudes[name]).T, model.mesh_face[begin : begin + count]))
-        bodies[name] = Stack(own.prisms[name].corners, slices_of(join(meshes)))
     nodes = list(spec.core.nodes)
     for at, node in enumerate(nodes):
         if isinstance(node, Apply) and node.primitive == "visibleShare":
@@ -98,6 +106,7 @@ def measure(task: LiberoTask, shares: list[float], states: int, seed: int) -> It
     seer = make_environment(task, seed + 1, pictures=True)
     env = make_environment(task, seed)
     own, live = spec_of(env, sight=True), LiveModel(seer)
+    bodies = slice_things(own, live)
     for share in shares:
         begun, used = time.time(), time.process_time()
         line: dict[str, Any] = {"suite": task.suite, "task": task.name, "share": share, "n": 0}
@@ -114,7 +123,7 @@ def measure(task: LiberoTask, shares: list[float], states: int, seed: int) -> It
             for row in found.states:
                 seer.set_init_state(row)
                 line["masks"].append(min(mask_share(seer, live, name) for name in own.moved))
-                line["sliced"].append(share_of_slices(own, live))
+                line["sliced"].append(share_of_slices(own, live, bodies))
         except RequestError as error:
             line["error"] = str(error).splitlines()[0]
         yield {**line, "seconds": round(time.time() - begun, 1), "cpu_s": round(time.process_time() - used, 1)}
@@ -145,7 +154,7 @@ def main() -> None:
     reader = argparse.ArgumentParser(description=__doc__)
     reader.add_argument("out", type=Path)
     reader.add_argument("--suite", default="libero_object")
-    reader.add_argument("--states", type=int, default=3)
+    reader.add_argument("--states", type=int, default=50)
     reader.add_argument("--seed", type=int, default=0)
     reader.add_argument("--only", default="", help="a regular expression for names of tasks")
     reader.add_argument("--table", action="store_true")

@@ -39,6 +39,7 @@ from scenegen.lang.syntax.tokens import (
     BINARY,
     KEYWORDS,
     OVER_TIME,
+    SOFT_STATEMENTS,
     STATEMENTS,
     TEMPORAL,
     UNITS_OF_TIME,
@@ -146,6 +147,7 @@ _FOREIGN = {
 }
 NO_COMMA = "leave out the `,`: any of [...] by area"
 BY_AREA = "write `any of [...] by area`; without `by area` all are equally likely"
+PICTURE_SIDES = "after the angle stand the sides of the picture, width:height: fov 60 deg, 4:3"
 _KNOWN = frozenset("()[],.:<>+-*/&|!≤≥≠∧∨¬→∀∃⊤⊥")  # characters that mean something, if not here
 
 
@@ -164,6 +166,7 @@ def explain(source: Source, error: UnexpectedToken | UnexpectedCharacters, timed
         accepts.discard("COLON")
     return (
         explain_time(source, start, end, accepts, timed)
+        or _sides_missing(source, start, end, accepts)
         or _unfinished_statement(source, start, end, accepts)
         or explain_foreign_syntax(source, start, end, len(open_brackets(text, start)[0]), accepts)
         or _foreign(source, start)
@@ -266,9 +269,6 @@ def _two_operands(source: Source, start: int, end: int, accepts: set[str]) -> Di
         return MISSING_SIGN(here, name=word, formula="...")
     if word.lower() in KEYWORDS and word != word.lower():
         return KEYWORD_AS_NAME(here, word=word, keyword=word.lower())
-    if "COLON" in accepts and re.search(r"\bcamera\s[^\n]*$", before):
-        instead = "the sides of the picture are width:height, such as 4:3"
-        return UNEXPECTED(here, found=character_text(word), expected="`:`", instead=instead)
     if "COLON" in accepts:
         return MISSING_SIGN(here)
     if previous == "workspace":
@@ -368,11 +368,12 @@ def _statement(source: Source, start: int, end: int, accepts: set[str]) -> Diagn
 def _unfinished_statement(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
     """A statement that opens a line while the one before it still waits for something."""
     text, word = source.text, source.text[start:end]
-    opened = start
+    opened, line = start, text[text.rfind("\n", 0, start) + 1 : start]
     if word == ":" and "COLON" not in accepts:
-        before = text[text.rfind("\n", 0, start) + 1 : start].rstrip()
-        opened = start - column(text, start) if before.isidentifier() else start
-    elif word not in STATEMENTS or accepts & {"$END", "LABEL"}:
+        opened = start - len(line) if line.rstrip().isidentifier() else start
+    elif line.rstrip() in SOFT_STATEMENTS and word.isidentifier():  # read as a name of the statement before
+        opened, end, accepts = start - len(line), start - len(line) + len(line.rstrip()), {"NAME"}
+    elif accepts & {"$END", "LABEL"} or not (word in STATEMENTS or _opens_softly(text, start)):
         return None
     if column(text, opened) or (opened == start and word == ":") or not text[:opened].strip():
         return None
@@ -381,7 +382,24 @@ def _unfinished_statement(source: Source, start: int, end: int, accepts: set[str
         return unclosed_bracket(source, stack)
     if word == ":":
         return None
-    return UNFINISHED_STATEMENT(Span(source, start, end), expected=expected_tokens(accepts))
+    return UNFINISHED_STATEMENT(Span(source, opened, end), expected=expected_tokens(accepts))
+
+
+def _sides_missing(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
+    """What stands where a camera's angle should be followed by the sides of its picture."""
+    before, word = _without_comments(source.text[:start]), source.text[start:end]
+    found = ending(r"\bcamera\s[^\n]*\bfov\s[^\n]*(\n\s*)?$", before)
+    if found is None or not (accepts & {"COLON", "COMMA"}) or open_brackets(source.text, start)[0]:
+        return None
+    if "COLON" not in accepts and not (found[1] or re.match(r"[\d;]|$", word)):
+        return None
+    expected = "`:`" if "COLON" in accepts else "`,`"
+    shown = {"found": character_text(word)} if word else {"last": before.split()[-1], "end": True}
+    return UNEXPECTED(Span(source, start, end), expected=expected, instead=PICTURE_SIDES, **shown)
+
+
+def _opens_softly(text: str, start: int) -> bool:
+    return re.match(rf"({'|'.join(SOFT_STATEMENTS)})\s+[A-Za-z_]", text[start:]) is not None
 
 
 def _colon(source: Source, start: int) -> Diagnostic:
@@ -420,6 +438,8 @@ def _at_end(source: Source, accepts: set[str]) -> Diagnostic:
         return unclosed_bracket(source, stack)
     if ending(r"\d\.$", text[:stop]):
         return _dot(source, stop)
+    if (problem := _sides_missing(source, stop, stop, accepts)) is not None:
+        return problem
     word = ending(r"(?:[A-Za-z_]\w*|->|<=|>=|!=|[^\w\s])$", _without_comments(text).rstrip())
     return UNEXPECTED(
         Span(source, stop, stop), last=word[0] if word else None, expected=expected_tokens(accepts), end=True

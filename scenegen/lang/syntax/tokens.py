@@ -14,7 +14,8 @@ from scenegen.errors import Diagnostic, Source, Span
 from scenegen.errors.language import NOTHING_BESIDE, UNCLOSED, WRONG_BRACKET
 
 STATEMENTS = ("workspace", "object", "region", "const", "def", "require", "import")
-ROBOT = "robot"  # opens a statement too, before `NAME =`; elsewhere it is a name
+ROBOT = "robot"
+SOFT_STATEMENTS = (ROBOT, "camera", "usually")  # which open a statement before a name, and are names elsewhere
 KEYWORDS = frozenset((*STATEMENTS, *"forall exists in at and or not implies true false".split()))
 
 # the words of time, which are keywords in a spec that has a `time` statement and names in any other
@@ -264,9 +265,8 @@ def openings(text: str, scanned: Iterable[Token]) -> Iterator[tuple[int, int]]:
             inside = braces > 0 or (not token.first and (depth > 0 or quantifiers > 0))
             opens = _opens_label(text, token, previous, inside)
         else:
-            # `camera`, `usually` and `robot` are names elsewhere
             named = following is not None and following.kind == "name"
-            known = token.text in STATEMENTS or (named and token.text in ("camera", "usually"))
+            known = token.text in STATEMENTS or (named and token.text in SOFT_STATEMENTS)
             opens = known and _opens_keyword(text, token, previous, following)
             opens = opens or (named and token.text == ROBOT and token.first)
         if opens:

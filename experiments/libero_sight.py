@@ -42,6 +42,7 @@ from scenegen.things.sight import slices_of
 
 SHARES, HALF = (0.9, 0.6, 0.3, 0.1), 0.05  # the middles of ranges, and how far they go
 ROUNDING = 1e-9
+UNDRAWN_GROUP = 5
 PIXELS = 256  # from side to side of a picture
 
 
@@ -106,6 +107,7 @@ def measure(task: LiberoTask, shares: list[float], states: int, seed: int) -> It
     seer = make_environment(task, seed + 1, pictures=True)
     env = make_environment(task, seed)
     own, live = spec_of(env, sight=True), LiveModel(seer)
+    live.model.site_group[:] = UNDRAWN_GROUP  # masks show sites that pictures do not, such as the line under the hand
     bodies = slice_things(own, live)
     for share in shares:
         begun, used = time.time(), time.process_time()

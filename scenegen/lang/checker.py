@@ -314,15 +314,18 @@ def _labels(draft: Draft) -> dict[str, int]:
         end = len(draft.source.text.rstrip())
         problems.append(NO_FORMULA(Span(draft.source, end, end), file=draft.source.name))
     labels: dict[str, int] = {}
+    alone: dict[str, list[str]] = {}
     for name, source, formula in formulas:
         if problems.full:
             break
+        draft.lowering.alone.clear()
         with problems:
             value = draft.lowering.evaluate(formula, CallFrame(source))
             labels[name] = draft.lowering.coerce.formula(value, f"`{name}`")
+        alone[name] = list(draft.lowering.alone)
     for name, source, formula in formulas:
         if labels.get(name, 0) < 0 and not problems:
-            problems.append(CONSTANT_LABEL(formula.span(source), name=name, alone=list(draft.lowering.alone)))
+            problems.append(CONSTANT_LABEL(formula.span(source), name=name, alone=alone[name]))
     return labels
 
 

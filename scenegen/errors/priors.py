@@ -50,12 +50,14 @@ PRIOR_OUTSIDE = Kind(
     "prior-outside",
     (
         "{region:?}`{region}` is outside of where `{thing}` can be",
-        "{deviations:?}this is {deviations:.3g} deviations away from where `{thing}` can be",
+        "{deviations:?}this is {deviations:.3g} deviations[[{relative:?} or more]] away from where `{thing}` can be",
+        "{far:?}this can be more than {far}",
         "none of the {rows:,} recorded rows has all things where they can be",
     ),
     "that is [{left:g}, {right:g}] x [{bottom:g}, {top:g}]",
     (
         "{rows:?}places are in metres, in the frame of the spec's workspace",
+        "{far:?}stay near what it is relative to, such as plate or theta(plate) + 10 deg",
         "say where it usually is on the table; `scenegen check` prints the workspace",
     ),
 )

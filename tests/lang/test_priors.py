@@ -282,7 +282,7 @@ def test_what_check_prints_of_it(written, told):
 poses = st.tuples(*[st.floats(0.0, 1.0)] * 2, st.floats(0.0, math.tau, exclude_max=True))
 options = st.one_of(
     st.builds("normal(({}, {}), {} cm)".format, *[st.floats(0.0, 1.0).map("{:.6f}".format)] * 2, st.integers(1, 50)),
-    st.builds("normal((x(plate) - {} cm, {}), {} cm)".format, *[st.integers(1, 50)] * 3),
+    st.builds("normal((x(plate) - {} cm, {} cm), {} cm)".format, *[st.integers(1, 50)] * 3),
     st.builds("normal(plate, {} cm)".format, st.integers(1, 50)),
     st.just("uniform(workspace)"),
     st.just("uniform(left)"),

@@ -21,6 +21,7 @@ from scenegen.errors.priors import (
 )
 from scenegen.geometry import MATH, PRIMITIVES
 from scenegen.geometry.footprint import Box
+from scenegen.geometry.interval import Interval, point
 from scenegen.geometry.primitives import ANGLE, BARE, LENGTH, Unit
 from scenegen.lang.check.draft import PriorStatement
 from scenegen.lang.check.names import bind
@@ -29,7 +30,7 @@ from scenegen.lang.check.scope import Signature
 from scenegen.lang.check.values import CallFrame, ListValue, NumberValue, ObjectValue, RegionValue
 from scenegen.lang.check.weights import weights_of
 from scenegen.lang.formula.builder import describe
-from scenegen.lang.formula.core import Const, Coord
+from scenegen.lang.formula.core import Apply, Const, Coord, Core
 from scenegen.lang.prior import Distribution, Normal, Prior, Recorded, UniformHeading, UniformPlace
 from scenegen.lang.spec import Pose
 from scenegen.lang.syntax import ast
@@ -244,25 +245,45 @@ def _normal(reader: _Reader, call: ast.Call, middles: list[int]) -> Normal:
         lowering.refuse_degrees([number, NumberValue(number.node, ANGLE, origin=number.origin)])
         nodes = (number.node,)
         deviation = reader.width(given["deviation"], "the deviation of a heading", ANGLE)
-    _refuse_circle(reader, nodes, here)
-    known = [lowering.builder.value(node) for node in nodes]
-    x, y = known if len(known) == 2 else (None, None)
-    if x is not None and y is not None:
-        for which in reader.present:
-            left, bottom, right, top = _box(lowering, which)
-            away = max(left - x, x - right, bottom - y, y - top) / deviation
-            if away > MOST_DEVIATIONS:
-                raise SpecError(_outside(lowering, here, which, deviations=away))
+    core = lowering.builder.finish({str(number): node for number, node in enumerate(nodes)})
+    _refuse_circle(reader, core, here)
+    reach = _reach(lowering, core)
+    if not (np.abs(reach) <= MOST_SPREAD).all():  # nor infinite
+        far = "1,000 km away" if reader.part == "place" else "a million radians"
+        raise SpecError(PRIOR_OUTSIDE(here, far=far))
+    for which in reader.present if reader.part == "place" else ():
+        left, bottom, right, top = _box(lowering, which)
+        x, y = reach
+        away = float(max(left - x.hi, x.lo - right, bottom - y.hi, y.lo - top)) / deviation
+        if away > MOST_DEVIATIONS:
+            relative = any(isinstance(node, Coord) for node in core.nodes) or None
+            raise SpecError(_outside(lowering, here, which, deviations=away, relative=relative))
     numbers = tuple(range(len(middles), len(middles) + len(nodes)))
     middles.extend(nodes)
     return Normal(numbers, deviation)
 
 
-def _refuse_circle(reader: _Reader, nodes: Sequence[int], here: Span) -> None:
+def _reach(lowering: Lowering, core: Core) -> list[Interval]:
+    """Bounds of the numbers that are the labels of a core, wherever the things may be that they depend on."""
+    found: list[Interval] = []
+    with np.errstate(over="ignore", invalid="ignore"):  # infinite bounds are an answer, not an accident
+        for node in core.nodes:
+            match node:
+                case Coord(which, axis):
+                    left, bottom, right, top = _box(lowering, which)
+                    low, high = ((left, right), (bottom, top), (0.0, TWO_PI))[axis]
+                    found.append(Interval(np.array(low), np.array(high)))
+                case Apply(primitive, args, shapes):
+                    found.append(PRIMITIVES[primitive].interval(*shapes, *map(found.__getitem__, args)))
+                case Const(value):
+                    found.append(point(value))
+    return [found[index] for index in core.labels.values()]
+
+
+def _refuse_circle(reader: _Reader, core: Core, here: Span) -> None:
     """Raises SpecError where numbers depend on the things themselves, on which of several surfaces they stand, or on
     how they move."""
     lowering = reader.lowering
-    core = lowering.builder.finish({str(number): node for number, node in enumerate(nodes)})
     for node in core.nodes:
         if isinstance(node, Coord) and node.object >= len(lowering.shapes):
             which = "switch" if lowering.horizon is None else "step"

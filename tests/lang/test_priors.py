@@ -59,6 +59,17 @@ def test_a_place_relative_to_another_thing_and_to_numbers():
     assert x == pytest.approx(rows[3] + 0.1) and y == pytest.approx(2 * rows[4] - np.cos(rows[5]))
 
 
+@pytest.mark.parametrize("middle", ["x(saucer) + {}", "1 - x(saucer) + {}", "min(x(saucer), 0.5) + {}"])
+def test_a_relative_middle_lies_within_eight_deviations_of_the_workspace_somewhere(middle):
+    def at(offset):
+        return one(f"usually mug ~ normal(({middle.format(offset)}, y(saucer)), 10 cm)")
+
+    assert at(1.79) and at(-1.29)
+    for offset in (1.81, -2.31):
+        with pytest.raises(SpecError, match="deviations or more away from where `mug` can be"):
+            at(offset)
+
+
 def test_a_middle_can_be_a_region_a_constant_or_a_definition():
     text = "region mat = rect(0, 0, 0.5, 0.2)\nconst P = (0.25, 0.1)\ndef spot(a) = (x(a), 10 cm)\nobject mug, saucer\n"
     task = "\ntask: leftOf(mug, saucer)"

@@ -42,7 +42,7 @@ from scenegen.things.sight import slices_of
 
 SHARES, HALF = (0.9, 0.6, 0.3, 0.1), 0.05  # the middles of ranges, and how far they go
 ROUNDING = 1e-9
-UNDRAWN_GROUP = 5
+UNDRAWN_GROUP = 5  # of sites: by default MuJoCo draws groups 0 to 2
 PIXELS = 256  # from side to side of a picture
 
 

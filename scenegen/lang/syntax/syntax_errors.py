@@ -166,7 +166,7 @@ def explain(source: Source, error: UnexpectedToken | UnexpectedCharacters, timed
         accepts.discard("COLON")
     return (
         explain_time(source, start, end, accepts, timed)
-        or _sides_missing(source, start, end, accepts)
+        or _missing_sides(source, start, end, accepts)
         or _unfinished_statement(source, start, end, accepts)
         or explain_foreign_syntax(source, start, end, len(open_brackets(text, start)[0]), accepts)
         or _foreign(source, start)
@@ -385,7 +385,7 @@ def _unfinished_statement(source: Source, start: int, end: int, accepts: set[str
     return UNFINISHED_STATEMENT(Span(source, opened, end), expected=expected_tokens(accepts))
 
 
-def _sides_missing(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
+def _missing_sides(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
     """What stands where a camera's angle should be followed by the sides of its picture."""
     before, word = _without_comments(source.text[:start]), source.text[start:end]
     found = ending(r"\bcamera\s[^\n]*\bfov\s[^\n]*(\n\s*)?$", before)
@@ -438,7 +438,7 @@ def _at_end(source: Source, accepts: set[str]) -> Diagnostic:
         return unclosed_bracket(source, stack)
     if ending(r"\d\.$", text[:stop]):
         return _dot(source, stop)
-    if (problem := _sides_missing(source, stop, stop, accepts)) is not None:
+    if (problem := _missing_sides(source, stop, stop, accepts)) is not None:
         return problem
     word = ending(r"(?:[A-Za-z_]\w*|->|<=|>=|!=|[^\w\s])$", _without_comments(text).rstrip())
     return UNEXPECTED(

@@ -42,6 +42,7 @@ from scenegen.things.sight import slices_of
 
 SHARES, HALF = (0.9, 0.6, 0.3, 0.1), 0.05  # the middles of ranges, and how far they go
 ROUNDING = 1e-9
+DIGITS = 5  # of shares
 UNDRAWN_GROUP = 5  # of sites: by default MuJoCo draws groups 0 to 2
 PIXELS = 256  # from side to side of a picture
 
@@ -121,13 +122,14 @@ def measure(task: LiberoTask, shares: list[float], states: int, seed: int) -> It
                 "masks": [],
                 "sliced": [],
             }
-            line |= {"phi": found.phi["visible"].tolist(), "rays": found.read["visible"].tolist()}
+            line |= {"phi": found.phi["visible"], "rays": found.read["visible"]}
             for row in found.states:
                 seer.set_init_state(row)
                 line["masks"].append(min(mask_share(seer, live, name) for name in own.moved))
                 line["sliced"].append(share_of_slices(own, live, bodies))
         except RequestError as error:
             line["error"] = str(error).splitlines()[0]
+        line |= {key: np.round(line[key], DIGITS).tolist() for key in ("masks", "sliced", "phi", "rays") if key in line}
         yield {**line, "seconds": round(time.time() - begun, 1), "cpu_s": round(time.process_time() - used, 1)}
     env.close()
     seer.close()

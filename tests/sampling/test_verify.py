@@ -250,7 +250,7 @@ def test_a_range_that_is_provably_empty_names_what_clashes(exp2):
 
 def test_the_label_that_fails_most_is_the_one_named(exp1):
     with pytest.raises(RequestError) as caught:
-        sample(Spec(exp1), {"task": (-0.5, None), "safe": (1.1, None)}, n=4_000_000, timeout=0.3)
+        sample(Spec(exp1), {"task": (-0.5, None), "safe": (1.1, None)}, n=4_000_000, timeout=1.0)
     (problem,) = caught.value.diagnostics
     assert "phi of `safe` was outside `1.1:`" in problem.note
     assert problem.span.text == "closeTo(mug, plate, 0.25)"

@@ -57,7 +57,7 @@ PRIOR_OUTSIDE = Kind(
     "that is [{left:g}, {right:g}] x [{bottom:g}, {top:g}]",
     (
         "{rows:?}places are in metres, in the frame of the spec's workspace",
-        "{far:?}stay near what it is relative to, such as plate or theta(plate) + 10 deg",
+        "{far:?}write what is near, such as plate or theta(plate) + 10 deg",
         "say where it usually is on the table; `scenegen check` prints the workspace",
     ),
 )

@@ -248,9 +248,6 @@ def _normal(reader: _Reader, call: ast.Call, middles: list[int]) -> Normal:
     core = lowering.builder.finish({str(number): node for number, node in enumerate(nodes)})
     _refuse_circle(reader, core, here)
     reach = _reach(lowering, core)
-    if not (np.abs(reach) <= MOST_SPREAD).all():  # nor infinite
-        far = "1,000 km away" if reader.part == "place" else "a million radians"
-        raise SpecError(PRIOR_OUTSIDE(here, far=far))
     for which in reader.present if reader.part == "place" else ():
         left, bottom, right, top = _box(lowering, which)
         x, y = reach
@@ -258,13 +255,17 @@ def _normal(reader: _Reader, call: ast.Call, middles: list[int]) -> Normal:
         if away > MOST_DEVIATIONS:
             relative = any(isinstance(node, Coord) for node in core.nodes) or None
             raise SpecError(_outside(lowering, here, which, deviations=away, relative=relative))
+    if not (np.abs(reach) <= MOST_SPREAD).all():  # nor infinite
+        far = "1,000 km away" if reader.part == "place" else "a million radians"
+        raise SpecError(PRIOR_OUTSIDE(here, far=far))
     numbers = tuple(range(len(middles), len(middles) + len(nodes)))
     middles.extend(nodes)
     return Normal(numbers, deviation)
 
 
 def _reach(lowering: Lowering, core: Core) -> list[Interval]:
-    """Bounds of the numbers that are the labels of a core, wherever the things may be that they depend on."""
+    """Bounds of the numbers that are the labels of a core, each () and in metres or radians, wherever the things may
+    be that they depend on."""
     found: list[Interval] = []
     with np.errstate(over="ignore", invalid="ignore"):  # infinite bounds are an answer, not an accident
         for node in core.nodes:

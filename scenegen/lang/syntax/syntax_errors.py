@@ -147,6 +147,7 @@ _FOREIGN = {
 }
 NO_COMMA = "leave out the `,`: any of [...] by area"
 BY_AREA = "write `any of [...] by area`; without `by area` all are equally likely"
+_SOFT_OPENING = re.compile(rf"({'|'.join(SOFT_STATEMENTS)})\s+[A-Za-z_]")
 PICTURE_SIDES = "after the angle stand the sides of the picture, width:height: fov 60 deg, 4:3"
 _KNOWN = frozenset("()[],.:<>+-*/&|!≤≥≠∧∨¬→∀∃⊤⊥")  # characters that mean something, if not here
 
@@ -368,12 +369,13 @@ def _statement(source: Source, start: int, end: int, accepts: set[str]) -> Diagn
 def _unfinished_statement(source: Source, start: int, end: int, accepts: set[str]) -> Diagnostic | None:
     """A statement that opens a line while the one before it still waits for something."""
     text, word = source.text, source.text[start:end]
-    opened, line = start, text[text.rfind("\n", 0, start) + 1 : start]
+    begin, opened = text.rfind("\n", 0, start) + 1, start
+    head = text[begin:start].rstrip()
     if word == ":" and "COLON" not in accepts:
-        opened = start - len(line) if line.rstrip().isidentifier() else start
-    elif line.rstrip() in SOFT_STATEMENTS and word.isidentifier():  # read as a name of the statement before
-        opened, end, accepts = start - len(line), start - len(line) + len(line.rstrip()), {"NAME"}
-    elif accepts & {"$END", "LABEL"} or not (word in STATEMENTS or _opens_softly(text, start)):
+        opened = begin if head.isidentifier() else start
+    elif head in SOFT_STATEMENTS and word.isidentifier():  # read as a name of the statement before
+        opened, end, accepts = begin, begin + len(head), {"NAME"}
+    elif accepts & {"$END", "LABEL"} or not (word in STATEMENTS or _SOFT_OPENING.match(text, start)):
         return None
     if column(text, opened) or (opened == start and word == ":") or not text[:opened].strip():
         return None
@@ -396,10 +398,6 @@ def _missing_sides(source: Source, start: int, end: int, accepts: set[str]) -> D
     expected = "`:`" if "COLON" in accepts else "`,`"
     shown = {"found": character_text(word)} if word else {"last": before.split()[-1], "end": True}
     return UNEXPECTED(Span(source, start, end), expected=expected, instead=PICTURE_SIDES, **shown)
-
-
-def _opens_softly(text: str, start: int) -> bool:
-    return re.match(rf"({'|'.join(SOFT_STATEMENTS)})\s+[A-Za-z_]", text[start:]) is not None
 
 
 def _colon(source: Source, start: int) -> Diagnostic:
